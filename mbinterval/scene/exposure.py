@@ -1,0 +1,246 @@
+"""A scene frozen over one frame's shutter: world positions and camera poses at shutter times.
+
+A scene is animated; an exposure is not. Everything after this file sees only the exposure, so
+that every source of motion (keys, arrays per time, the camera) is treated alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.errors import SceneError
+from mbinterval.scene.framing import framing_camera, headlight
+from mbinterval.scene.model import Camera, Light, Mesh, Scene, Vector
+from mbinterval.scene.tracks import Track
+
+Float64 = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPoses:
+    """The camera at T times.
+
+    Attributes
+    ----------
+    eye
+        ``(T, 3)`` world position.
+    rotation
+        ``(T, 3, 3)`` world to camera; rows are the camera's x, y and z axes in the world.
+    focal
+        ``(T,)`` focal length as a fraction of the image's height.
+    """
+
+    eye: Float64
+    rotation: Float64
+    focal: Float64
+
+    @property
+    def moves(self) -> bool:
+        """Whether any pose differs from the first."""
+        return any(np.any(a != a[:1]) for a in (self.eye, self.rotation, self.focal))
+
+
+@dataclass(frozen=True, eq=False)
+class MeshExposure:
+    """One mesh over the shutter.
+
+    Each array is given at T = ``segments`` + 1 equally spaced times, or at T = 1 where it is
+    constant.
+
+    Attributes
+    ----------
+    segments
+        Linear motion segments K; 0 where neither the mesh nor the camera moves.
+    positions
+        ``(T, N, 3)`` in the world.
+    normals, uv, color
+        World normals, not normalized, ``(T, N, 3)``; ``(T, N, 2)``; per-vertex colour
+        ``(T, N, 3)``. None where absent.
+    face_color
+        ``(F, 3)`` or None.
+    """
+
+    mesh: Mesh
+    segments: int
+    positions: Float64
+    normals: Float64 | None
+    uv: Float64 | None
+    color: Float32 | None
+    face_color: Float32 | None
+
+
+@dataclass(frozen=True, eq=False)
+class Exposure:
+    """What happens while the shutter is open, at one frame.
+
+    ``cameras[K]`` holds the camera at K + 1 equally spaced times, for every K in use; ``notes``
+    say what had to be assumed.
+    """
+
+    frame: float
+    meshes: tuple[MeshExposure, ...]
+    cameras: Mapping[int, CameraPoses]
+    camera_moves: bool
+    lights: tuple[Light, ...]
+    background: Vector | Float32
+    notes: tuple[str, ...] = ()
+
+
+def expose(
+    scene: Scene, frame: float, aspect: float, motion_segments: int | None = None
+) -> Exposure:
+    """Freeze ``scene`` over the shutter of ``frame``.
+
+    ``aspect`` is the image's width over its height. ``motion_segments`` is the number for meshes
+    that don't state their own (``Mesh.motion_segments`` or positions per time).
+    """
+    notes = list(scene.notes)
+    camera = scene.camera
+    if camera is None:
+        camera = framing_camera(scene)
+        notes.append("no camera: one that frames the scene was made")
+    meshes = [mesh for mesh in scene.meshes if mesh.visible and len(mesh.faces)]
+    wanted = [mesh.motion_segments or (mesh.times - 1) or motion_segments or 1 for mesh in meshes]
+    cameras = {
+        count: camera_poses(camera, _frames(scene, frame, count), aspect)
+        for count in {0, 1, *wanted}
+    }
+    camera_moves = any(poses.moves for poses in cameras.values())
+    lights = tuple(scene.lights)
+    if not lights and any(m.material is None or m.material.shading != "unlit" for m in meshes):
+        lights = headlight(cameras[0].rotation[0])
+        notes.append("no lights: a headlight was added")
+    return Exposure(
+        frame=frame,
+        meshes=tuple(
+            expose_mesh(mesh, _frames(scene, frame, count), camera_moves)
+            for mesh, count in zip(meshes, wanted, strict=True)
+        ),
+        cameras=cameras,
+        camera_moves=camera_moves,
+        lights=lights,
+        background=scene.background,
+        notes=tuple(notes),
+    )
+
+
+def _frames(scene: Scene, frame: float, segments: int) -> Float64:
+    """Times in frames at the ends of the motion segments; the shutter's opening for none."""
+    parts = np.arange(segments + 1) / max(segments, 1)
+    return np.array([scene.shutter.at(frame, float(part)) for part in parts])
+
+
+def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure:
+    """Evaluate ``mesh`` at ``frames``, shape (K+1,), in the world."""
+    count = len(frames)
+    matrices = np.eye(4)[None]
+    if mesh.transform is not None:
+        matrices = np.array([mesh.transform.at(float(frame)) for frame in frames])
+        if not np.isfinite(matrices).all():
+            raise SceneError(f"mesh {mesh.name!r}: its transform is not finite")
+    matrices = _merge_equal(matrices)
+    linear, shift = matrices[:, :3, :3], matrices[:, None, :3, 3]
+    positions = _merge_equal(_at_times(mesh.positions, 3, count) @ linear.mT + shift)
+    if not np.isfinite(positions).all():
+        raise SceneError(f"mesh {mesh.name!r}: its transform takes vertices to infinity")
+    moves = camera_moves or len(positions) > 1
+    normals = uv = color = face_color = None
+    if mesh.normals is not None:
+        # Cofactors transform normals for any matrix, a mirrored or a singular one too.
+        cofactors = np.array([_cofactors(matrix) for matrix in linear])
+        normals = _merge_equal(_at_times(mesh.normals, 3, count) @ cofactors.mT)
+    if mesh.uv is not None:
+        uv = _merge_equal(_at_times(mesh.uv, 2, count))
+    if mesh.color is not None and mesh.color_domain == "face":
+        face_color = mesh.color
+    elif mesh.color is not None:
+        color = _merge_equal(_at_times(mesh.color, 3, count)).astype(np.float32)
+    changes = any(a is not None and len(a) > 1 for a in (normals, uv, color))
+    return MeshExposure(
+        mesh=mesh,
+        segments=count - 1 if moves or changes else 0,
+        positions=positions,
+        normals=normals,
+        uv=uv,
+        color=color,
+        face_color=face_color,
+    )
+
+
+def _at_times(values: NDArray[Any], width: int, count: int) -> NDArray[Any]:
+    """``(T, N, width)`` values interpolated to ``count`` times, or ``(1, N, width)``."""
+    if values.ndim == 2:
+        return values[None]
+    given = len(values)
+    if given == count:
+        return values
+    place = np.arange(count) * (given - 1) / (count - 1)
+    key = np.minimum(place.astype(int), given - 2)
+    part = (place - key)[:, None, None]
+    return np.asarray((1.0 - part) * values[key] + part * values[key + 1])
+
+
+def _merge_equal(values: NDArray[Any]) -> NDArray[Any]:
+    """Keep only the first time where all times are equal."""
+    return values[:1] if len(values) > 1 and np.all(values == values[:1]) else values
+
+
+def _cofactors(matrix: Float64) -> Float64:
+    a, b, c = matrix
+    return np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+
+
+def camera_poses(camera: Camera, frames: Float64, aspect: float) -> CameraPoses:
+    """Poses of ``camera`` at ``frames``, shape (T,)."""
+    eyes, rotations, focals = [], [], []
+    for frame in map(float, frames):
+        if camera.transform is not None:
+            matrix = camera.transform.at(frame)
+            eye, axes = matrix[:3, 3], matrix[:3, :3].T
+            lengths = np.linalg.norm(axes, axis=1, keepdims=True)
+            if not lengths.all():
+                raise SceneError("camera: its transform is singular; check the scale keys")
+            rotation = axes / lengths
+        else:
+            eye = _keyed(camera.position, frame)
+            target = None if camera.look_at is None else _keyed(camera.look_at, frame)
+            rotation = _looking(eye, target, _keyed(camera.up, frame))
+        eyes.append(eye)
+        rotations.append(rotation)
+        focals.append(_focal(camera, frame, aspect))
+    return CameraPoses(np.array(eyes), np.array(rotations), np.array(focals))
+
+
+def _keyed(value: Any, frame: float) -> Float64:
+    return value.at(frame) if isinstance(value, Track) else np.asarray(value, dtype=np.float64)
+
+
+def _looking(eye: Float64, target: Float64 | None, up: Float64) -> Float64:
+    """World-to-camera rotation that looks from ``eye`` at ``target``."""
+    forward = np.array([0.0, 0.0, -1.0]) if target is None else target - eye
+    distance = np.linalg.norm(forward)
+    right = np.cross(forward, up)
+    size = np.linalg.norm(right)
+    if not distance:
+        raise SceneError("camera: position and look_at are the same point; move one")
+    if size <= 1e-9 * distance * np.linalg.norm(up):
+        raise SceneError("camera: up is parallel to the view; give another up vector")
+    forward, right = forward / distance, right / size
+    return np.array([right, np.cross(right, forward), -forward])
+
+
+def _focal(camera: Camera, frame: float, aspect: float) -> float:
+    """Focal length as a fraction of the image's height."""
+    if camera.focal_length is None:
+        fov = 45.0 if camera.fov is None else float(_keyed(camera.fov, frame))
+        return float(0.5 / np.tan(np.radians(fov) / 2.0))
+    focal = float(_keyed(camera.focal_length, frame))
+    if camera.vertical_aperture is None and camera.horizontal_aperture is not None:
+        return focal * aspect / camera.horizontal_aperture
+    return focal / (camera.vertical_aperture or 24.0)

@@ -1,0 +1,129 @@
+"""Keyed values and transforms, evaluated at any frame.
+
+Before the first key and after the last one a track holds their values.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.errors import SceneError
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Values at keys.
+
+    Attributes
+    ----------
+    frames
+        ``(n,)`` strictly increasing key times in frames.
+    values
+        ``(n,)`` or ``(n, d)``. Quaternions are x, y, z, w, as in glTF.
+    interpolation
+        ``"linear"`` or ``"step"`` (the value of the latest key).
+    quaternion
+        Interpolate by slerp along the shorter arc.
+    """
+
+    frames: Float64
+    values: Float64
+    interpolation: str = "linear"
+    quaternion: bool = False
+
+    def __post_init__(self) -> None:
+        frames = np.array(self.frames, dtype=np.float64)
+        values = np.array(self.values, dtype=np.float64)
+        if frames.ndim != 1 or len(frames) == 0 or len(frames) != len(values):
+            raise SceneError(
+                f"track: {frames.shape} key times for values of shape {values.shape}; "
+                "expected as many times as values, at least one"
+            )
+        if not (np.isfinite(frames).all() and np.isfinite(values).all()):
+            raise SceneError("track: every key time and value must be finite")
+        if np.any(np.diff(frames) <= 0):
+            raise SceneError(f"track: key times must increase, got {frames.tolist()}")
+        if self.interpolation not in ("linear", "step"):
+            raise SceneError(
+                f"track: interpolation={self.interpolation!r}, expected 'linear' or 'step'"
+            )
+        if self.quaternion:
+            lengths = np.linalg.norm(values, axis=-1, keepdims=True)
+            if values.shape[1:] != (4,) or not lengths.all():
+                raise SceneError("track: rotation keys must be non-zero quaternions x, y, z, w")
+            values = values / lengths
+        frames.flags.writeable = values.flags.writeable = False
+        object.__setattr__(self, "frames", frames)
+        object.__setattr__(self, "values", values)
+
+    def at(self, frame: float) -> Float64:
+        """Value at ``frame``, shape ``(d,)`` or ``()``."""
+        key = int(np.searchsorted(self.frames, frame, side="right")) - 1
+        if key < 0:
+            return np.asarray(self.values[0])
+        if key >= len(self.frames) - 1 or self.interpolation == "step":
+            return np.asarray(self.values[key])
+        step = self.frames[key + 1] - self.frames[key]
+        part = (frame - self.frames[key]) / step
+        if self.quaternion:
+            return slerp(self.values[key], self.values[key + 1], part)
+        return np.asarray((1.0 - part) * self.values[key] + part * self.values[key + 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Transform:
+    """A node of a hierarchy: parent * translation * rotation * scale * matrix.
+
+    Each of translation, rotation and scale is constant or a ``Track``; ``matrix`` is a constant
+    4x4 that applies first. Rotations are quaternions x, y, z, w.
+    """
+
+    translation: Track | tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: Track | tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    scale: Track | tuple[float, float, float] = (1.0, 1.0, 1.0)
+    matrix: Float64 | None = None
+    parent: Transform | None = None
+
+    def at(self, frame: float) -> Float64:
+        """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns."""
+        local = np.eye(4)
+        local[:3, :3] = quaternion_matrix(_value(self.rotation, frame)) * _value(self.scale, frame)
+        local[:3, 3] = _value(self.translation, frame)
+        if self.matrix is not None:
+            local = local @ self.matrix
+        return local if self.parent is None else self.parent.at(frame) @ local
+
+
+def _value(value: Track | tuple[float, ...], frame: float) -> Float64:
+    return value.at(frame) if isinstance(value, Track) else np.asarray(value, dtype=np.float64)
+
+
+def slerp(a: Float64, b: Float64, part: float) -> Float64:
+    """Spherical interpolation of unit quaternions along the shorter arc (Shoemake 1985)."""
+    dot = float(a @ b)
+    if dot < 0.0:
+        b, dot = -b, -dot
+    # atan2 of half chords keeps nearly equal and nearly opposite rotations accurate.
+    angle = 2.0 * np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b))
+    if angle < 1e-9:
+        result = (1.0 - part) * a + part * b
+    else:
+        result = (np.sin((1.0 - part) * angle) * a + np.sin(part * angle) * b) / np.sin(angle)
+    return np.asarray(result / np.linalg.norm(result))
+
+
+def quaternion_matrix(quaternion: Float64) -> Float64:
+    """``(3, 3)`` rotation of a quaternion x, y, z, w of any non-zero length."""
+    x, y, z, w = np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
