@@ -37,3 +37,9 @@ class CapacityError(MbintervalError):
     """The render needs more memory than the device or the given limit has."""
 
     exit_code = 5
+
+
+class OutputError(MbintervalError):
+    """An image cannot be written, or one that was written cannot be read back."""
+
+    exit_code = 6

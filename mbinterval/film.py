@@ -5,9 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mbinterval.atomic import prepare_output
+from mbinterval.errors import OutputError, UsageError
+from mbinterval.exr import AttributeValue, ExrImage, read_exr, write_exr
+from mbinterval.images import write_png
+
+ENDINGS = (".exr", ".png")
+"""Endings of the files that a film can be written to."""
+
+_COLOUR = ("R", "G", "B", "A")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +43,8 @@ class Film:
         Column and row of the film's first pixel in the whole frame.
     metadata
         What is written into files: frame, shutter, camera, settings, version.
+    transparent
+        The background was left out of the colour, so that a PNG gets an alpha channel.
     """
 
     rgba: NDArray[np.float32]
@@ -40,8 +53,96 @@ class Film:
     timings: Mapping[str, float]
     resolution: tuple[int, int]
     origin: tuple[int, int] = (0, 0)
-    metadata: Mapping[str, str | int | float | tuple[float, ...]] = field(default_factory=dict)
+    metadata: Mapping[str, AttributeValue] = field(default_factory=dict)
+    transparent: bool = False
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.rgba)[:2]
+        _set_array(self, "rgba", np.float32, (*shape, 4))
+        _set_array(self, "depth", np.float32, shape)
+        _set_array(self, "intervals", np.uint32, shape)
+        if len(shape) != 2 or 0 in shape:
+            raise UsageError(f"film: {shape} pixels; expected at least one row and one column")
 
     def write(self, path: str | Path) -> Path:
-        """Write an EXR or a PNG, by the ending of ``path``; all of it or nothing."""
-        raise NotImplementedError
+        """Write an EXR or a PNG, by the ending of ``path``; all of it or nothing.
+
+        An EXR has the channels R, G, B, A and Z in 32-bit float and ``intervals`` in 32-bit
+        integers, compressed without loss, the film as data window and the whole frame as display
+        window, and the metadata as attributes. A PNG has 8 bits with the sRGB curve, and alpha,
+        straight, where the film is transparent; the metadata are text chunks. Equal films give
+        equal bytes. Missing folders are made.
+
+        Raises
+        ------
+        UsageError
+            For an ending other than .exr and .png.
+        OutputError
+            Where the file can't be written; nothing is left then, and an older file stays.
+        """
+        path = check_output(path)
+        if path.suffix.lower() == ".png":
+            write_png(path, self.rgba, self.transparent, self.metadata)
+            return path
+        channels: dict[str, NDArray[Any]] = {
+            name: self.rgba[..., index] for index, name in enumerate(_COLOUR)
+        }
+        channels |= {"Z": self.depth, "intervals": self.intervals}
+        attributes = {**self.metadata, "transparent": int(self.transparent)}
+        write_exr(path, ExrImage(channels, self.resolution, self.origin, attributes))
+        return path
+
+    @classmethod
+    def read(cls, path: str | Path) -> Film:
+        """Read an EXR that this or another program wrote.
+
+        Without A alpha is 1, without Z depth is infinite, and without ``intervals`` they are 0.
+
+        Raises
+        ------
+        OutputError
+            Where the file is missing, broken, cut off, or has no colour.
+        """
+        image = read_exr(path)
+        missing = [name for name in _COLOUR[:3] if name not in image.channels]
+        if missing:
+            found = ", ".join(sorted(image.channels))
+            raise OutputError(f"{path}: no channel {' or '.join(missing)} among {found}")
+        shape = image.channels["R"].shape
+        defaults = {"A": np.ones(shape), "Z": np.full(shape, np.inf), "intervals": np.zeros(shape)}
+        channels = {**defaults, **image.channels}
+        attributes = dict(image.attributes)
+        transparent = bool(attributes.pop("transparent", 0))
+        return cls(
+            rgba=np.stack([channels[name] for name in _COLOUR], axis=2),
+            depth=channels["Z"],
+            intervals=channels["intervals"],
+            timings={},
+            resolution=image.resolution,
+            origin=image.origin,
+            metadata=attributes,
+            transparent=transparent,
+        )
+
+
+def check_output(path: str | Path) -> Path:
+    """Check that a film could be written to ``path``, and make its folder.
+
+    Raises
+    ------
+    UsageError
+        For an ending other than .exr and .png.
+    OutputError
+        Where the folder can't be made or written to.
+    """
+    ending = Path(path).suffix
+    if ending.lower() not in ENDINGS:
+        raise UsageError(f"{path}: unknown ending {ending!r}; expected {' or '.join(ENDINGS)}")
+    return prepare_output(path)
+
+
+def _set_array(film: Film, name: str, dtype: type, shape: tuple[int, ...]) -> None:
+    array: NDArray[Any] = np.ascontiguousarray(getattr(film, name), dtype=dtype)
+    if array.shape != shape:
+        raise UsageError(f"film: {name} has shape {array.shape}, expected {shape}")
+    object.__setattr__(film, name, array)

@@ -1,4 +1,4 @@
-"""Images in: sRGB and linear pixels, and reading of textures and backgrounds.
+"""Images in and out: sRGB and linear pixels, reading of textures, writing of PNG.
 
 Everything inside mbinterval is scene-linear float32. Integer files (PNG, JPEG) hold the sRGB curve
 of IEC 61966-2-1 and straight alpha; EXR files hold linear, premultiplied colour.
@@ -7,14 +7,16 @@ of IEC 61966-2-1 and straight alpha; EXR files hold linear, premultiplied colour
 from __future__ import annotations
 
 import io
-import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.errors import SceneError
+from mbinterval.atomic import replacing
+from mbinterval.errors import OutputError, SceneError
+from mbinterval.exr import read_exr
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -87,33 +89,62 @@ def linear_pixels(image: Image.Image) -> Float32:
 
 
 def _read_exr_image(path: Path) -> Float32:
-    channels = read_exr_channels(path)
     try:
-        colour = [channels[name] for name in ("R", "G", "B")]
-    except KeyError:
-        if "Y" not in channels:
-            raise SceneError(
-                f"image {path}: no R, G, B or Y channel among {', '.join(sorted(channels))}"
-            ) from None
-        colour = [channels["Y"]] * 3
-    pixels = np.stack(colour, axis=2).astype(np.float32)
+        channels = read_exr(path).channels
+    except OutputError as error:
+        raise SceneError(f"image {error}") from error
+    names = "RGB" if {"R", "G", "B"} <= set(channels) else "YYY"
+    if names[0] not in channels:
+        raise SceneError(
+            f"image {path}: no R, G, B or Y channel among {', '.join(sorted(channels))}"
+        )
+    pixels = np.stack([channels[name] for name in names], axis=2).astype(np.float32)
     if not np.isfinite(pixels).all():
         raise SceneError(f"image {path}: has pixels that are not finite")
     if "A" not in channels:
         return pixels
     alpha = channels["A"].astype(np.float32)[..., None]
-    straight = np.divide(pixels, alpha, out=np.zeros_like(pixels), where=alpha > 0)
-    return np.concatenate([straight, alpha], axis=2)
+    return np.concatenate([unpremultiplied(pixels, alpha), alpha], axis=2)
 
 
-def read_exr_channels(path: Path) -> dict[str, NDArray[Any]]:
-    """Channels ``(h, w)`` of the first part of an EXR, by name; SceneError where it is broken."""
-    import OpenEXR
+def unpremultiplied(colour: Float32, alpha: Float32) -> Float32:
+    """Colour ``(h, w, 3)`` divided by alpha ``(h, w, 1)``; black where alpha is 0."""
+    return np.divide(colour, alpha, out=np.zeros_like(colour), where=alpha > 0)
 
-    try:
-        parts = OpenEXR.File(os.fspath(path), separate_channels=True).parts
-    except (RuntimeError, ValueError, OSError) as error:
-        raise SceneError(f"image {path}: cannot be read as EXR ({error})") from error
-    if not parts or not parts[0].channels:
-        raise SceneError(f"image {path}: the file is cut off or broken")
-    return {name: channel.pixels for name, channel in parts[0].channels.items()}
+
+def write_png(
+    path: str | Path, rgba: Float32, transparent: bool, text: Mapping[str, object]
+) -> None:
+    """Write an 8-bit sRGB PNG, all of it or nothing; equal pixels and text give equal bytes.
+
+    Parameters
+    ----------
+    path
+        Where to; missing folders are made.
+    rgba
+        ``(h, w, 4)`` scene-linear, premultiplied.
+    transparent
+        Write straight alpha; otherwise the alpha is left out.
+    text
+        Written as text chunks, in this order.
+
+    Raises
+    ------
+    OutputError
+        Where the file can't be written; nothing is left then.
+    """
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    colour, alpha = rgba[..., :3], rgba[..., 3:]
+    if transparent:
+        encoded = np.concatenate([linear_to_srgb(unpremultiplied(colour, alpha)), alpha], axis=2)
+    else:
+        encoded = linear_to_srgb(colour)
+    pixels = np.rint(np.clip(np.nan_to_num(encoded), 0.0, 1.0) * 255.0).astype(np.uint8)
+    info = PngInfo()
+    info.add(b"sRGB", b"\0")
+    for name, value in text.items():
+        info.add_itxt(name[:79], str(value))
+    with replacing(path) as temporary:
+        Image.fromarray(pixels).save(temporary, format="PNG", pnginfo=info)

@@ -1,0 +1,154 @@
+"""OpenEXR files: named channels with attributes, whole or an error.
+
+Guards against what the OpenEXR package does silently: it writes wrong pixels for arrays that
+are not contiguous, stores whole numbers beyond 32 bits as 0, changes the mappings that it is
+given, and opens a truncated file as one without parts.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.atomic import replacing
+from mbinterval.errors import OutputError
+
+AttributeValue = str | int | float | tuple[float, ...]
+
+_FORMAT_ATTRIBUTES = (
+    "channels",
+    "compression",
+    "dataWindow",
+    "displayWindow",
+    "lineOrder",
+    "pixelAspectRatio",
+    "screenWindowCenter",
+    "screenWindowWidth",
+    "type",
+)
+_NAME_BYTES = 255
+
+
+@dataclass(frozen=True, eq=False)
+class ExrImage:
+    """The first part of an EXR file.
+
+    Attributes
+    ----------
+    channels
+        ``(h, w)`` float32, float16 or uint32 by name, for the data window.
+    resolution
+        Width and height of the display window.
+    origin
+        Column and row of the data window's first pixel in the display window.
+    attributes
+        Everything that isn't part of the format itself.
+    """
+
+    channels: Mapping[str, NDArray[Any]]
+    resolution: tuple[int, int]
+    origin: tuple[int, int]
+    attributes: Mapping[str, AttributeValue]
+
+
+def write_exr(path: str | Path, image: ExrImage) -> None:
+    """Write ``image``, losslessly (ZIP); equal images give equal bytes.
+
+    Raises
+    ------
+    OutputError
+        Where the file can't be written; nothing is left then.
+    """
+    import OpenEXR
+
+    header = {name: _encoded(name, value) for name, value in image.attributes.items()}
+    height, width = next(iter(image.channels.values())).shape
+    first = np.array(image.origin, dtype=np.int32)
+    size = np.array(image.resolution, dtype=np.int32)
+    header |= {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "dataWindow": (first, first + np.array([width - 1, height - 1], dtype=np.int32)),
+        "displayWindow": (np.zeros(2, dtype=np.int32), size - 1),
+    }
+    channels = {name: np.ascontiguousarray(pixels) for name, pixels in image.channels.items()}
+    with replacing(path) as temporary:
+        try:
+            OpenEXR.File(header, channels).write(os.fspath(temporary))
+        except (RuntimeError, TypeError, ValueError) as error:
+            reason = str(error).replace(os.fspath(temporary), os.fspath(path))
+            raise OutputError(f"{path}: cannot be written as EXR ({reason})") from error
+
+
+def read_exr(path: str | Path) -> ExrImage:
+    """Read the first part of an EXR file that is not deep.
+
+    Raises
+    ------
+    OutputError
+        Where the file is missing, not an EXR, or not whole.
+    """
+    import OpenEXR
+
+    path = Path(path)
+    if not path.is_file():
+        raise OutputError(f"{path}: no such file")
+    try:
+        parts = OpenEXR.File(os.fspath(path), separate_channels=True).parts
+    except (RuntimeError, TypeError, ValueError) as error:
+        raise OutputError(f"{path}: cannot be read as EXR ({error})") from error
+    pixels = {name: channel.pixels for name, channel in parts[0].channels.items()} if parts else {}
+    if not all(isinstance(values, np.ndarray) and values.ndim == 2 for values in pixels.values()):
+        raise OutputError(f"{path}: deep or subsampled pixels cannot be read")
+    if not pixels:
+        raise OutputError(f"{path}: the file is cut off or broken; render it again")
+    header = parts[0].header
+    (left, top), (right, bottom) = header["displayWindow"]
+    first = header["dataWindow"][0]
+    return ExrImage(
+        channels=pixels,
+        resolution=(int(right - left) + 1, int(bottom - top) + 1),
+        origin=(int(first[0] - left), int(first[1] - top)),
+        attributes={
+            name: _decoded(value)
+            for name, value in header.items()
+            if name not in _FORMAT_ATTRIBUTES
+        },
+    )
+
+
+def _encoded(name: str, value: AttributeValue) -> Any:
+    """Value as the OpenEXR package wants it: numbers keep 64 bits, matrices do not."""
+    if not name or len(name.encode()) > _NAME_BYTES:
+        raise OutputError(f"attribute {name[:40]!r}: a name has 1 to {_NAME_BYTES} bytes in EXR")
+    if isinstance(value, str):
+        return value
+    if isinstance(value, int):
+        return int(value) if -(2**31) <= value < 2**31 else str(value)
+    if isinstance(value, float):
+        # 64 bits, but for the one standard attribute that is always 32.
+        return value if name == "expTime" else np.array(value, dtype=np.float64)
+    if len(value) in (9, 16):
+        edge = math.isqrt(len(value))
+        return np.array(value, dtype=np.float32).reshape(edge, edge)
+    if len(value) in (2, 3):
+        return np.array(value, dtype=np.float64)
+    return " ".join(map(repr, value))
+
+
+def _decoded(value: Any) -> AttributeValue:
+    if isinstance(value, str | int | float):
+        return value
+    if isinstance(value, np.ndarray):
+        numbers = tuple(value.ravel().tolist())
+        return numbers[0] if len(numbers) == 1 else numbers
+    if hasattr(value, "n") and hasattr(value, "d"):
+        return float(value.n) / float(value.d or 1)
+    return str(value)
