@@ -1,0 +1,200 @@
+"""Motion paths in homogeneous pixel space, from an exposure of the scene.
+
+A camera-space point is p = R (P - eye), the rows of R being the camera's axes. With w = -p_z,
+f = focal * H, the homogeneous pixel is (x, y, w) = (f p_x + W/2 w, -f p_y + H/2 w, w), a linear
+map: nothing is divided by w and nothing is clipped. Within motion segment k of K every vertex
+moves linearly in this space; global time is t = (k + tau) / K.
+
+In this space d = det(a, b, c) < 0 for a triangle that is seen from its front, the side from which
+its vertices run counter-clockwise (x right, y down, and the determinant changes sign with y).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from mbinterval.scene.exposure import CameraPoses, Exposure, MeshExposure
+
+UV, NORMAL, COLOR, WORLD = slice(0, 2), slice(2, 5), slice(5, 8), slice(8, 11)
+ATTRIBUTES = 11
+"""Columns of attributes: uv, world normal, vertex colour, world position."""
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """P motion paths, ordered by mesh, face and segment; that order breaks ties of depth.
+
+    Attributes
+    ----------
+    points
+        ``(P, 2, 3, 3)``: end of the segment, vertex, (x, y, w).
+    segment, segments
+        ``(P,)`` k and K; K = 0 marks a static triangle, seen over the whole shutter.
+    single_sided
+        ``(P,)`` whether only the front is seen.
+    color
+        ``(P, 3)`` base colour times face colour.
+    attributes
+        ``(P, 2, 3, A)``; A = 0 where no mesh needs any, else ``ATTRIBUTES``.
+    mesh
+        ``(P,)`` index of the mesh in the exposure.
+    """
+
+    points: np.ndarray
+    segment: np.ndarray
+    segments: np.ndarray
+    single_sided: np.ndarray
+    color: np.ndarray
+    attributes: np.ndarray
+    mesh: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def time(self, path: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Global time of local times ``tau`` of segments of ``path``."""
+        return (self.segment[path] + tau) / self.segments[path]
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """I stretches of time [t0, t1) in which a path covers a sample.
+
+    Attributes
+    ----------
+    sample, path
+        ``(I,)`` indices.
+    t
+        ``(I, 2)`` global times.
+    w
+        ``(I, 2)`` depths at these times.
+    attributes
+        ``(I, 2, A)`` attributes at these times.
+    """
+
+    sample: np.ndarray
+    path: np.ndarray
+    t: np.ndarray
+    w: np.ndarray
+    attributes: np.ndarray = field(repr=False)
+
+    def __len__(self) -> int:
+        return len(self.path)
+
+    def __getitem__(self, index: np.ndarray) -> Intervals:
+        return Intervals(
+            self.sample[index], self.path[index], self.t[index], self.w[index],
+            self.attributes[index],
+        )  # fmt: skip
+
+    def depth(self, index: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Depth of intervals ``index`` at global times ``t``, linear between the ends."""
+        (t0, t1), (w0, w1) = self.t[index].T, self.w[index].T
+        return w0 + (t - t0) / (t1 - t0) * (w1 - w0)
+
+
+def concatenate(parts: list[Intervals]) -> Intervals:
+    """Join lists of intervals, ordered by sample, path and start."""
+    names = ("sample", "path", "t", "w", "attributes")
+    joined = Intervals(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+    return joined[np.lexsort((joined.t[:, 0], joined.path, joined.sample))]
+
+
+def make_paths(
+    points: np.ndarray,
+    color: np.ndarray | None = None,
+    single_sided: bool = False,
+    segments: int = 1,
+) -> Paths:
+    """Paths of one segment from bare points ``(P, 2, 3, 3)``; for tests of single stages."""
+    count = len(points)
+    return Paths(
+        points=np.asarray(points, dtype=np.float64),
+        segment=np.zeros(count, dtype=np.int64),
+        segments=np.full(count, segments),
+        single_sided=np.full(count, single_sided),
+        color=np.ones((count, 3)) if color is None else np.asarray(color, dtype=np.float64),
+        attributes=np.zeros((count, 2, 3, 0)),
+        mesh=np.zeros(count, dtype=np.int64),
+    )
+
+
+def paths_of(exposure: Exposure, width: int, height: int, attributes: bool | None = None) -> Paths:
+    """Motion paths of everything in ``exposure``, for an image of ``width`` x ``height``.
+
+    ``attributes`` forces them on or off; None makes them where a material calls for them.
+    """
+    meshes = exposure.meshes
+    wanted = any(map(needs_attributes, meshes)) if attributes is None else attributes
+    parts = [
+        _mesh_paths(mesh, exposure.cameras[mesh.segments], index, (width, height), wanted)
+        for index, mesh in enumerate(meshes)
+    ]
+    parts = parts or [make_paths(np.zeros((0, 2, 3, 3)))]
+    names = Paths.__dataclass_fields__
+    return Paths(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+
+
+def needs_attributes(mesh: MeshExposure) -> bool:
+    """Whether anything but one flat colour per face is seen on ``mesh``."""
+    material = mesh.mesh.material
+    flat = material is not None and material.shading == "unlit" and material.texture is None
+    return not flat or mesh.color is not None
+
+
+def to_pixels(
+    world: np.ndarray, poses: CameraPoses, index: int, width: int, height: int
+) -> np.ndarray:
+    """World points ``(N, 3)`` in homogeneous pixel space at pose ``index``."""
+    p = (world - poses.eye[index]) @ poses.rotation[index].T
+    focal, w = poses.focal[index] * height, -p[:, 2]
+    return np.stack([focal * p[:, 0] + width / 2 * w, -focal * p[:, 1] + height / 2 * w, w], 1)
+
+
+def _mesh_paths(
+    mesh: MeshExposure, poses: CameraPoses, index: int, size: tuple[int, int], attributes: bool
+) -> Paths:
+    faces, count = mesh.mesh.faces, max(mesh.segments, 1)
+    ends = [min(time, mesh.segments) for time in range(count + 1)]
+    world = [mesh.positions[min(time, len(mesh.positions) - 1)] for time in ends]
+    pixels = [to_pixels(p, poses, t, *size)[faces] for p, t in zip(world, ends, strict=True)]
+    values = [
+        _attributes(mesh, time, p) if attributes else np.zeros((len(faces), 3, 0))
+        for time, p in zip(ends, world, strict=True)
+    ]
+    material = mesh.mesh.material
+    base = np.ones(3) if material is None else np.asarray(material.base_color)
+    face_color = np.ones((len(faces), 3)) if mesh.face_color is None else mesh.face_color
+    total = len(faces) * count
+    return Paths(
+        points=_per_segment(pixels),
+        segment=np.tile(np.arange(count), len(faces)),
+        segments=np.full(total, mesh.segments),
+        single_sided=np.full(total, material is not None and not material.double_sided),
+        color=np.repeat(face_color.astype(np.float64) * base, count, axis=0),
+        attributes=_per_segment(values),
+        mesh=np.full(total, index),
+    )
+
+
+def _per_segment(values: list[np.ndarray]) -> np.ndarray:
+    """From K+1 arrays ``(F, 3, X)`` to ``(F * K, 2, 3, X)``, faces outermost."""
+    pairs = np.stack([np.stack(pair, axis=1) for pair in pairwise(values)], axis=1)
+    return pairs.reshape(pairs.shape[0] * pairs.shape[1], *pairs.shape[2:])
+
+
+def _attributes(mesh: MeshExposure, time: int, world: np.ndarray) -> np.ndarray:
+    """Attributes ``(F, 3, ATTRIBUTES)`` at shutter time ``time``; flat normals where none."""
+    faces = mesh.mesh.faces
+    result = np.zeros((len(faces), 3, ATTRIBUTES))
+    result[..., WORLD] = corners = world[faces]
+    result[..., COLOR] = 1.0
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    result[..., NORMAL] = flat[:, None]
+    for columns, values in ((UV, mesh.uv), (NORMAL, mesh.normals), (COLOR, mesh.color)):
+        if values is not None:
+            result[..., columns] = values[min(time, len(values) - 1)][faces]
+    return result
