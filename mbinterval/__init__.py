@@ -1,0 +1,98 @@
+"""Motion blur rendered analytically in time, on OpenCL.
+
+    import mbinterval as mb
+
+    scene = mb.load("scenes/wheel.toml")
+    film = mb.render(scene, frame=12, width=640, height=480, settings=mb.Settings(samples=4))
+    film.write("wheel.0012.exr")
+
+The names are loaded when they are first used, so that importing mbinterval is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Camera",
+    "CapacityError",
+    "DeviceError",
+    "Film",
+    "KernelBuildError",
+    "Light",
+    "Material",
+    "MbintervalError",
+    "Mesh",
+    "OutputError",
+    "Scene",
+    "SceneError",
+    "Settings",
+    "Shutter",
+    "Texture",
+    "Track",
+    "Transform",
+    "UsageError",
+    "__version__",
+    "devices",
+    "errors",
+    "load",
+    "render",
+]
+
+_ERRORS = (
+    "CapacityError",
+    "DeviceError",
+    "KernelBuildError",
+    "MbintervalError",
+    "OutputError",
+    "SceneError",
+    "UsageError",
+)
+_HOMES = {
+    **dict.fromkeys(_ERRORS, "errors"),
+    **dict.fromkeys(("Camera", "Light", "Material", "Mesh", "Scene"), "scene.model"),
+    **dict.fromkeys(("Shutter", "Texture"), "scene.model"),
+    **dict.fromkeys(("Track", "Transform"), "scene.tracks"),
+    "Film": "film",
+    "Settings": "settings",
+    "devices": "device.choose",
+    "load": "scene.load",
+    "render": "renderer",
+}
+"""The module, below this package, of each public name."""
+
+if TYPE_CHECKING:
+    from mbinterval import errors
+    from mbinterval.device.choose import devices
+    from mbinterval.errors import (
+        CapacityError,
+        DeviceError,
+        KernelBuildError,
+        MbintervalError,
+        OutputError,
+        SceneError,
+        UsageError,
+    )
+    from mbinterval.film import Film
+    from mbinterval.renderer import render
+    from mbinterval.scene.load import load
+    from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
+    from mbinterval.scene.tracks import Track, Transform
+    from mbinterval.settings import Settings
+
+
+def __getattr__(name: str) -> Any:
+    if name == "errors":
+        return importlib.import_module("mbinterval.errors")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'mbinterval' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"mbinterval.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

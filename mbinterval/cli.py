@@ -1,0 +1,248 @@
+"""The command line: arguments in, one clear line and an exit code out; all work is the API's."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from types import FrameType
+from typing import Any, NoReturn
+
+from mbinterval import __version__, commands
+from mbinterval.errors import CapacityError, MbintervalError, UsageError
+from mbinterval.frames import parse_frames
+from mbinterval.settings import Settings
+
+_log = logging.getLogger("mbinterval")
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C or SIGTERM, as shells have it."""
+
+_EXIT_CODES = """\
+exit codes:
+  0    done
+  1    failure not listed here
+  2    bad usage: an option or a setting is unknown or out of range
+  3    bad scene: the scene file, or a file that it names, is wrong or missing
+  4    no usable OpenCL device, or a kernel did not build
+  5    out of capacity: the render needs more memory than there is
+  6    an output file cannot be written
+  130  interrupted by Ctrl-C or SIGTERM; the frame in work leaves no file
+
+Messages go to standard error; -q leaves only warnings and errors, -v adds details and, after an
+error, the traceback.
+"""
+
+_SETTING_HELP = {
+    "method": "how visibility is solved",
+    "paths": "how motion paths become time intervals",
+    "pairing": "pair a path's fragments by time, or by depth as published",
+    "occlusion": "bits of the occlusion mask: 32, 64, 128 or 256",
+    "max_intervals": "keep only this many intervals per sample; 'none' keeps all",
+    "samples": "spatial samples per pixel; 1 is the pixel's centre",
+    "pattern": "where a pixel's samples lie",
+    "filter": "pixel filter",
+    "filter_radius": "radius of the pixel filter in pixels",
+    "texture_samples": "shading evaluations along each visible span",
+    "motion_segments": "linear motion segments per shutter, for meshes that state none",
+    "seed": "seed of every pseudo-random choice",
+    "transparent": "leave the background out; PNG gets an alpha channel",
+    "tile_size": "edge of a tile in pixels; it changes speed, never the image",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code; argparse itself exits for --help and usage."""
+    arguments = _parser().parse_args(argv)
+    with _messages(arguments.verbose - arguments.quiet), _interrupt_on_sigterm():
+        try:
+            arguments.run(arguments)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            # The reader of a pipe has gone; nothing is left to be said, at exit neither.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except (Exception, KeyboardInterrupt) as error:
+            return _failed(error)
+    return 0
+
+
+def _failed(error: BaseException) -> int:
+    """Say what went wrong, and return the exit code for it."""
+    _log.debug("traceback:", exc_info=error)
+    if isinstance(error, KeyboardInterrupt):
+        _log.error("mbinterval: interrupted")
+        return INTERRUPTED
+    if isinstance(error, MbintervalError):
+        _log.error("mbinterval: error: %s", error)
+        return error.exit_code
+    if isinstance(error, MemoryError):
+        _log.error(
+            "mbinterval: error: out of memory; try a smaller image, --crop, or fewer samples"
+        )
+        return CapacityError.exit_code
+    kind = type(error).__name__
+    _log.error("mbinterval: internal error: %s: %s (-v shows where)", kind, error)
+    return MbintervalError.exit_code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="mbinterval",
+        description="Render motion blur analytically in time, on OpenCL.",
+        epilog=_EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"mbinterval {__version__}")
+    groups = parser.add_subparsers(required=True, metavar="COMMAND")
+    render = _command(groups, "render", commands.render, "render frames of a scene to EXR and PNG")
+    _add_scene_options(render)
+    _add_output_options(render)
+    info = _command(groups, "info", commands.info, "print what a render would do, and why")
+    _add_scene_options(info)
+    _command(groups, "devices", commands.devices, "list the OpenCL devices")
+    return parser
+
+
+def _command(groups: Any, name: str, run: Any, summary: str) -> argparse.ArgumentParser:
+    command: argparse.ArgumentParser = groups.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.",
+        epilog=_EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    command.set_defaults(run=run)
+    command.add_argument("-v", "--verbose", action="count", default=0, help="say more")
+    command.add_argument("-q", "--quiet", action="count", default=0, help="say less")
+    return command
+
+
+def _add_scene_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("scene", metavar="SCENE", help="scene file, or a model such as a .glb")
+    frame = command.add_argument_group("frame (the scene file gives defaults)")
+    frame.add_argument(
+        "--frames",
+        type=_argument(parse_frames),
+        metavar="RANGE",
+        help="7, 1-24, 1-24x2 or 1,5,9-12; write --frames=-5--1 for negative ones",
+    )
+    frame.add_argument("--width", type=_argument(_pixels), metavar="PIXELS")
+    frame.add_argument(
+        "--height",
+        type=_argument(_pixels),
+        metavar="PIXELS",
+        help="with only one of --width and --height the shape is kept",
+    )
+    frame.add_argument(
+        "--crop",
+        type=_argument(_crop),
+        metavar="X,Y,W,H",
+        help="render only this part of the frame, in pixels from the upper left corner",
+    )
+    frame.add_argument(
+        "--device",
+        metavar="NAME",
+        help="index or part of the name of an OpenCL device; see 'mbinterval devices'",
+    )
+    settings = command.add_argument_group("settings (the scene file gives defaults)")
+    for setting in fields(Settings):
+        option = f"--{setting.name.replace('_', '-')}"
+        text = _SETTING_HELP[setting.name]
+        if isinstance(setting.default, bool):
+            details: dict[str, Any] = {"action": argparse.BooleanOptionalAction}
+        else:
+            details = {"type": _value, "metavar": "VALUE"}
+            text += f" [{str(setting.default).lower()}]"
+        settings.add_argument(option, default=argparse.SUPPRESS, help=text, **details)
+
+
+def _add_output_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "-o",
+        "--output",
+        action="append",
+        metavar="FILE",
+        help="where to write, .exr or .png; #### or %%04d is the frame's number. May be given "
+        "several times, or as a list with commas [SCENE.####.exr]",
+    )
+
+
+def _argument(parse: Any) -> Any:
+    """Turn a parser's UsageError into argparse's own error, which names the option."""
+
+    def parsed(text: str) -> Any:
+        try:
+            return parse(text)
+        except UsageError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return parsed
+
+
+def _pixels(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 65536:
+        raise UsageError(f"{text!r} is not a whole number from 1 to 65536")
+    return int(text)
+
+
+def _crop(text: str) -> tuple[int, int, int, int]:
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != 4 or not all(part.isdecimal() for part in parts):
+        raise UsageError(f"{text!r} is not X,Y,W,H in whole pixels")
+    x, y, width, height = map(int, parts)
+    if not (width and height):
+        raise UsageError(f"{text!r}: width and height must be 1 or more")
+    return x, y, width, height
+
+
+def _value(text: str) -> str | int | float | None:
+    """Value of a setting as a scene file would hold it; `Settings` checks it."""
+    if text.lower() == "none":
+        return None
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+@contextmanager
+def _messages(verbosity: int) -> Iterator[None]:
+    """Send the package's log to standard error, by default from level INFO on."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    level = logging.INFO - 10 * max(-2, min(verbosity, 1))
+    before = _log.level
+    _log.addHandler(handler)
+    _log.setLevel(level)
+    try:
+        yield
+    finally:
+        _log.setLevel(before)
+        _log.removeHandler(handler)
+
+
+@contextmanager
+def _interrupt_on_sigterm() -> Iterator[None]:
+    """Let SIGTERM unwind as Ctrl-C does, so that temporary files are removed."""
+
+    def interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not the main thread, where signals cannot be set
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,184 @@
+"""What the commands of the command line do, through the public API."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import mbinterval
+from mbinterval.errors import SceneError, UsageError
+from mbinterval.frames import frame_path, is_numbered, parse_frames
+from mbinterval.settings import Settings
+
+_log = logging.getLogger(__name__)
+
+RESOLUTION = (1024, 768)
+"""Width and height where neither the command line nor the scene file gives them."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is to be rendered, after the command line has overruled the scene file.
+
+    ``crop`` is column, row, width and height in pixels, or None for the whole frame.
+    """
+
+    scene: Any
+    frames: tuple[int, ...]
+    resolution: tuple[int, int]
+    crop: tuple[int, int, int, int] | None
+    settings: Settings
+    outputs: tuple[str, ...]
+    device: str | None
+
+
+def render(arguments: argparse.Namespace) -> None:
+    """``mbinterval render``: every frame to every output."""
+    from mbinterval.film import check_output
+
+    job = make_job(arguments)
+    paths = output_paths(job.outputs, job.frames)
+    for path in (path for group in paths.values() for path in group):
+        check_output(path)
+    width, height = job.resolution
+    with _progress(job.frames) as frames:
+        for number, frame in enumerate(frames, start=1):
+            started = time.perf_counter()
+            film = mbinterval.render(
+                job.scene,
+                frame=frame,
+                width=width,
+                height=height,
+                settings=job.settings,
+                device=job.device,
+                crop=job.crop,
+            )
+            written = ", ".join(str(film.write(path)) for path in paths[frame])
+            seconds = time.perf_counter() - started
+            place = f"{number}/{len(job.frames)}"
+            _log.info("frame %d (%s): %.2f s -> %s", frame, place, seconds, written)
+            _log.debug("%s", _timing_lines(film.timings))
+
+
+def info(arguments: argparse.Namespace) -> None:
+    """``mbinterval info``: the plan of the first frame, with the reason for each effect."""
+    from mbinterval.plan import describe
+
+    job = make_job(arguments)
+    print(describe(job.scene, job.frames[0], *job.resolution, job.settings, job.crop))
+
+
+def devices(_arguments: argparse.Namespace) -> None:
+    """``mbinterval devices``: one line for each device."""
+    from mbinterval.device.choose import choose_device
+
+    listed = mbinterval.devices()
+    if not listed:
+        choose_device()  # raises, and explains why there is none
+    for device in listed:
+        memory = device.memory_bytes / 2**30
+        remark = "" if device.usable else "; not usable: no double precision"
+        print(
+            f"{device.index}: {device.name} ({device.platform}, {device.kind}, "
+            f"{device.compute_units} compute units, {memory:.1f} GiB{remark})"
+        )
+
+
+def make_job(arguments: argparse.Namespace) -> Job:
+    """Join command line and scene file; the command line wins."""
+    from mbinterval.scene.load import load_file
+
+    loaded = load_file(arguments.scene)
+    given = vars(arguments)
+    outputs = given.get("output") or loaded.render.get("output")
+    return Job(
+        scene=loaded.scene,
+        frames=tuple(arguments.frames or _frames(loaded.render.get("frames", 1))),
+        resolution=_resolution(arguments.width, arguments.height, loaded.render),
+        crop=arguments.crop,
+        settings=_settings(arguments.scene, loaded.settings, given),
+        outputs=_outputs(outputs or f"{Path(arguments.scene).stem}.####.exr"),
+        device=arguments.device,
+    )
+
+
+def output_paths(outputs: Sequence[str], frames: Sequence[int]) -> dict[int, list[Path]]:
+    """Files of each frame.
+
+    Raises
+    ------
+    UsageError
+        Where two frames or two outputs would go to the same file.
+    """
+    paths = {frame: [frame_path(output, frame) for output in outputs] for frame in frames}
+    for output in outputs:
+        if len(frames) > 1 and not is_numbered(output):
+            ending = Path(output).suffix
+            raise UsageError(
+                f"output {output!r}: {len(frames)} frames would overwrite each other; "
+                f"put #### where the frame's number belongs, as in name.####{ending}"
+            )
+    doubled = [path for group in paths.values() for path in group if group.count(path) > 1]
+    if doubled:
+        raise UsageError(f"output {str(doubled[0])!r} is given twice")
+    return paths
+
+
+def _settings(scene: str, stored: Mapping[str, Any], given: Mapping[str, Any]) -> Settings:
+    """Settings of the scene file under those of the command line, each blamed for its own."""
+    try:
+        Settings.from_mapping(stored)
+    except UsageError as error:
+        raise SceneError(f"{scene}: settings: {error}") from error
+    known = {field.name for field in fields(Settings)}
+    overruled = {name: value for name, value in given.items() if name in known}
+    return Settings.from_mapping({**stored, **overruled})
+
+
+def _frames(stored: Any) -> list[int]:
+    return parse_frames(stored) if isinstance(stored, str) else list(range(stored, stored + 1))
+
+
+def _resolution(
+    width: int | None, height: int | None, stored: Mapping[str, Any]
+) -> tuple[int, int]:
+    """Width and height; where the command line gives only one, the other keeps the shape."""
+    base_width = int(stored.get("width", RESOLUTION[0]))
+    base_height = int(stored.get("height", RESOLUTION[1]))
+    if width is None:
+        width = base_width if height is None else max(1, round(height * base_width / base_height))
+        height = base_height if height is None else height
+    elif height is None:
+        height = max(1, round(width * base_height / base_width))
+    return width, height
+
+
+def _outputs(given: str | Sequence[str]) -> tuple[str, ...]:
+    texts = [given] if isinstance(given, str) else given
+    return tuple(part.strip() for text in texts for part in text.split(",") if part.strip())
+
+
+@contextmanager
+def _progress(frames: Sequence[int]) -> Iterator[Iterable[int]]:
+    """Show a bar on a terminal; log lines go above it. Elsewhere the lines say it all."""
+    if len(frames) < 2 or not sys.stderr.isatty() or not _log.isEnabledFor(logging.INFO):
+        yield frames
+        return
+    from tqdm import tqdm
+    from tqdm.contrib.logging import logging_redirect_tqdm
+
+    with logging_redirect_tqdm([logging.getLogger("mbinterval")]):
+        bar = tqdm(frames, unit="frame", file=sys.stderr, dynamic_ncols=True)
+        with bar:
+            yield bar
+
+
+def _timing_lines(timings: Mapping[str, float]) -> str:
+    return "\n".join(f"    {stage:<12} {seconds:9.4f} s" for stage, seconds in timings.items())

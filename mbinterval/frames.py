@@ -1,0 +1,71 @@
+"""Frame ranges and numbered file names, as film people write them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from mbinterval.errors import UsageError
+
+MOST_FRAMES = 1_000_000
+"""More frames than this in one range are taken for a mistake."""
+
+_RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?:x(\d+))?)?")
+_HASHES = re.compile(r"#+")
+_PERCENT = re.compile(r"%(0?)(\d*)d")
+
+
+def parse_frames(text: str) -> list[int]:
+    """Frames of a range such as ``7``, ``1-24``, ``1-24x2`` or ``1,5,9-12``; the last one counts.
+
+    Frames come in the order given, each once. Negative frames are allowed: ``-5--1``.
+
+    Raises
+    ------
+    UsageError
+        With the part that is wrong.
+    """
+    frames: dict[int, None] = {}
+    for part in text.split(","):
+        match = _RANGE.fullmatch(part.strip())
+        if match is None:
+            raise UsageError(
+                f"frames {text!r}: {part.strip()!r} is no frame or range; "
+                "expected for example 7, 1-24, 1-24x2 or 1,5,9-12"
+            )
+        first = int(match[1])
+        last = first if match[2] is None else int(match[2])
+        step = 1 if match[3] is None else int(match[3])
+        if last < first:
+            raise UsageError(f"frames {text!r}: {part.strip()!r} ends before it starts")
+        if step < 1:
+            raise UsageError(f"frames {text!r}: the step of {part.strip()!r} must be 1 or more")
+        if len(frames) + (last - first) // step >= MOST_FRAMES:
+            raise UsageError(f"frames {text!r}: more than {MOST_FRAMES:,} frames")
+        frames |= dict.fromkeys(range(first, last + 1, step))
+    return list(frames)
+
+
+def is_numbered(pattern: str) -> bool:
+    """Whether ``pattern`` has a place for the frame: ``####`` or ``%04d``."""
+    return bool(_HASHES.search(pattern) or _PERCENT.search(pattern))
+
+
+def frame_path(pattern: str, frame: int) -> Path:
+    """File of ``frame``: the last run of ``#``, or a ``%04d``, becomes the padded number.
+
+    ``frame_path("shot.####.exr", 7)`` is ``shot.0007.exr``; longer numbers are never cut.
+    """
+    hashes, percents = list(_HASHES.finditer(pattern)), list(_PERCENT.finditer(pattern))
+    if hashes:
+        place, width = hashes[-1], len(hashes[-1][0])
+    elif percents:
+        place = percents[-1]
+        width = int(place[2] or 0) if place[1] else 0
+    else:
+        return Path(pattern)
+    return Path(f"{pattern[: place.start()]}{_padded(frame, width)}{pattern[place.end() :]}")
+
+
+def _padded(frame: int, width: int) -> str:
+    return f"{'-' if frame < 0 else ''}{abs(frame):0{width}d}" if width else str(frame)

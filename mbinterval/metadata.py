@@ -1,0 +1,63 @@
+"""What a film says about itself in the files that it is written to.
+
+Nothing here depends on the day, the machine, or a setting that cannot change the image, so that
+equal renders are equal files.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from mbinterval import __version__
+from mbinterval.exr import AttributeValue
+from mbinterval.scene.exposure import CameraPoses, Exposure
+from mbinterval.scene.model import Scene
+from mbinterval.settings import Settings
+
+_SPEED_ONLY = ("tile_size",)
+
+
+def frame_metadata(
+    scene: Scene, exposure: Exposure, settings: Settings
+) -> dict[str, AttributeValue]:
+    """Metadata of one frame, under the standard EXR attribute names where there are some.
+
+    ``frame``; ``fps``; ``shutterOpen`` and ``shutterClose`` in frames relative to the frame;
+    ``expTime`` in seconds; ``worldToCamera`` at the shutter's opening (and
+    ``worldToCameraClose`` where the camera moves), for row vectors as EXR has them;
+    ``fieldOfView``, vertical, in degrees; ``settings.*``; ``software``.
+    """
+    shutter, poses = scene.shutter, exposure.cameras[1]
+    metadata: dict[str, AttributeValue] = {
+        "software": f"mbinterval {__version__}",
+        "frame": float(exposure.frame),
+        "fps": float(scene.fps),
+        "shutterOpen": float(shutter.open),
+        "shutterClose": float(shutter.close),
+        "expTime": (shutter.close - shutter.open) / scene.fps,
+        "fieldOfView": float(np.degrees(2.0 * np.arctan(0.5 / poses.focal[0]))),
+        "worldToCamera": _world_to_camera(poses, 0),
+    }
+    if poses.moves:
+        metadata["worldToCameraClose"] = _world_to_camera(poses, len(poses.eye) - 1)
+    if scene.name:
+        metadata["scene"] = scene.name
+    if scene.camera is not None and scene.camera.name:
+        metadata["camera"] = scene.camera.name
+    for setting in fields(settings):
+        value = getattr(settings, setting.name)
+        if value is not None and setting.name not in _SPEED_ONLY:
+            metadata[f"settings.{setting.name}"] = int(value) if value is True else value
+    return metadata
+
+
+def _world_to_camera(poses: CameraPoses, index: int) -> tuple[float, ...]:
+    """4x4 matrix M, row by row, such that ``[x y z 1] @ M`` is a point in camera space."""
+    index = min(index, len(poses.eye) - 1)
+    rotation = poses.rotation[min(index, len(poses.rotation) - 1)]
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation.T
+    matrix[3, :3] = -poses.eye[index] @ rotation.T
+    return tuple(matrix.ravel().tolist())
