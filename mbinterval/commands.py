@@ -96,15 +96,15 @@ def make_job(arguments: argparse.Namespace) -> Job:
     from mbinterval.scene.load import load_file
 
     loaded = load_file(arguments.scene)
-    given = vars(arguments)
-    outputs = given.get("output") or loaded.render.get("output")
+    given, stored = vars(arguments), loaded.render
+    outputs = given.get("output") or stored.output or f"{Path(arguments.scene).stem}.####.exr"
     return Job(
         scene=loaded.scene,
-        frames=tuple(arguments.frames or _frames(loaded.render.get("frames", 1))),
-        resolution=_resolution(arguments.width, arguments.height, loaded.render),
+        frames=tuple(arguments.frames or _frames(arguments.scene, stored.frames or "1")),
+        resolution=_resolution(arguments.width, arguments.height, stored.width, stored.height),
         crop=arguments.crop,
         settings=_settings(arguments.scene, loaded.settings, given),
-        outputs=_outputs(outputs or f"{Path(arguments.scene).stem}.####.exr"),
+        outputs=_outputs(outputs),
         device=arguments.device,
     )
 
@@ -136,22 +136,24 @@ def _settings(scene: str, stored: Mapping[str, Any], given: Mapping[str, Any]) -
     try:
         Settings.from_mapping(stored)
     except UsageError as error:
-        raise SceneError(f"{scene}: settings: {error}") from error
+        raise SceneError(f"{scene}: table [settings]: {error}") from error
     known = {field.name for field in fields(Settings)}
     overruled = {name: value for name, value in given.items() if name in known}
     return Settings.from_mapping({**stored, **overruled})
 
 
-def _frames(stored: Any) -> list[int]:
-    return parse_frames(stored) if isinstance(stored, str) else list(range(stored, stored + 1))
+def _frames(scene: str, stored: str) -> list[int]:
+    try:
+        return parse_frames(stored)
+    except UsageError as error:
+        raise SceneError(f"{scene}: table [render]: {error}") from error
 
 
 def _resolution(
-    width: int | None, height: int | None, stored: Mapping[str, Any]
+    width: int | None, height: int | None, stored_width: int | None, stored_height: int | None
 ) -> tuple[int, int]:
     """Width and height; where the command line gives only one, the other keeps the shape."""
-    base_width = int(stored.get("width", RESOLUTION[0]))
-    base_height = int(stored.get("height", RESOLUTION[1]))
+    base_width, base_height = stored_width or RESOLUTION[0], stored_height or RESOLUTION[1]
     if width is None:
         width = base_width if height is None else max(1, round(height * base_width / base_height))
         height = base_height if height is None else height

@@ -1,0 +1,276 @@
+"""The command line: what it asks of the API, what it says, and the exit code it leaves."""
+
+import logging
+import signal
+import sys
+import threading
+import types
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+import mbinterval
+from mbinterval import cli, errors
+from mbinterval.film import Film
+from mbinterval.scene.load import RenderDefaults
+from mbinterval.settings import Settings
+
+
+class FakeApi:
+    """Stands in for scene reader and renderer; remembers what was asked."""
+
+    def __init__(self):
+        self.loaded = types.SimpleNamespace(scene="the scene", settings={}, render=RenderDefaults())
+        self.calls = []
+        self.error = None
+        self.fail_at = None
+
+    def load_file(self, path):
+        self.path = path
+        return self.loaded
+
+    def render(self, scene, **arguments):
+        self.calls.append({"scene": scene, **arguments})
+        if self.error is not None and self.fail_at in (None, arguments["frame"]):
+            raise self.error
+        size = (3, 4)
+        return Film(
+            rgba=np.full((*size, 4), 0.5, np.float32),
+            depth=np.ones(size),
+            intervals=np.ones(size),
+            timings={"paths": 0.25},
+            resolution=(arguments["width"], arguments["height"]),
+        )
+
+
+@pytest.fixture
+def api(monkeypatch, tmp_path):
+    fake = FakeApi()
+    loader = types.ModuleType("mbinterval.scene.load")
+    loader.load_file = fake.load_file
+    monkeypatch.setitem(sys.modules, "mbinterval.scene.load", loader)
+    monkeypatch.setitem(vars(mbinterval), "render", fake.render)
+    monkeypatch.chdir(tmp_path)
+    return fake
+
+
+def test_render_writes_the_scene_at_its_defaults(api, tmp_path, capsys):
+    assert cli.main(["render", "dir/wheel.toml"]) == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["wheel.0001.exr"]
+    (call,) = api.calls
+    assert call == {
+        "scene": "the scene",
+        "frame": 1,
+        "width": 1024,
+        "height": 768,
+        "settings": Settings(),
+        "device": None,
+        "crop": None,
+    }
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "frame 1 (1/1): " in err
+    assert "wheel.0001.exr" in err
+
+
+def test_several_frames_and_outputs_are_written_in_one_go(api, tmp_path):
+    arguments = ["--frames", "1-5x2", "--output", "a/b.####.exr,c.%02d.png", "-o", "####.png"]
+    assert cli.main(["render", "s.toml", *arguments]) == 0
+    written = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*.*")}
+    assert written == {
+        f"{name}" for n in "135" for name in (f"a/b.000{n}.exr", f"c.0{n}.png", f"000{n}.png")
+    }
+    assert [call["frame"] for call in api.calls] == [1, 3, 5]
+
+
+def test_the_command_line_overrules_the_scene_file(api):
+    api.loaded.settings = {"samples": 8, "seed": 3, "max_intervals": 90, "transparent": True}
+    api.loaded.render = RenderDefaults(320, 240, frames="7-9", output="x.#.exr")
+    assert cli.main(["render", "s.toml"]) == 0
+    assert [call["frame"] for call in api.calls] == [7, 8, 9]
+    first = api.calls[0]
+    stored = Settings(samples=8, seed=3, max_intervals=90, transparent=True)
+    assert (first["width"], first["height"], first["settings"]) == (320, 240, stored)
+
+    options = "--samples 2 --max-intervals none --no-transparent --width 640 --frames 2 -o y.exr"
+    assert cli.main(["render", "s.toml", *options.split()]) == 0
+    last = api.calls[-1]
+    assert (last["width"], last["height"], last["frame"]) == (640, 480, 2)
+    assert last["settings"] == Settings(samples=2, seed=3)
+
+
+def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsys):
+    values = {
+        "method": "analytic",
+        "paths": "triangulated",
+        "pairing": "depth",
+        "occlusion": 32,
+        "max_intervals": 90,
+        "samples": 2,
+        "pattern": "fixed",
+        "filter": "box",
+        "filter_radius": 0.5,
+        "texture_samples": 3,
+        "motion_segments": 4,
+        "seed": 5,
+        "transparent": True,
+        "tile_size": 8,
+    }
+    assert set(values) == {setting.name for setting in fields(Settings)}
+    arguments = []
+    for name, value in values.items():
+        option = f"--{name.replace('_', '-')}"
+        arguments += [option] if value is True else [option, str(value)]
+    assert cli.main(["render", "s.toml", *arguments]) == 0
+    assert api.calls[0]["settings"] == Settings(**values)
+    with pytest.raises(SystemExit):
+        cli.main(["render", "--help"])
+    text = capsys.readouterr().out
+    assert all(f"--{name.replace('_', '-')}" in text for name in values)
+
+
+def test_crop_and_device_are_passed_on(api):
+    assert cli.main(["render", "s.toml", "--crop", "1,2,30,40", "--device", "pocl"]) == 0
+    assert api.calls[0]["crop"] == (1, 2, 30, 40)
+    assert api.calls[0]["device"] == "pocl"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--frames", "a"], "'a' is no frame or range"),
+        (["--crop", "1,2,3"], "'1,2,3' is not X,Y,W,H"),
+        (["--crop", "1,2,0,3"], "width and height must be 1 or more"),
+        (["--width", "0"], "'0' is not a whole number from 1 to 65536"),
+        (["--height", "many"], "'many' is not"),
+        (["--sample", "3"], "unrecognized arguments: --sample"),
+    ],
+)
+def test_bad_arguments_exit_2_and_name_the_option(api, capsys, arguments, message):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["render", "s.toml", *arguments])
+    assert caught.value.code == 2
+    assert message in capsys.readouterr().err
+    assert not api.calls
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--samples", "0"], "samples=0: expected a whole number from 1 to 256"),
+        (["--samples", "2.5"], "samples=2.5: expected a whole number"),
+        (["--paths", "wiggly"], "paths='wiggly': expected one of"),
+        (["--output", "a.tif"], "a.tif: unknown ending '.tif'; expected .exr or .png"),
+        (["--frames", "1-2", "-o", "a.exr"], "put #### where the frame's number belongs"),
+        (["--output", "a.exr,./a.exr"], "output 'a.exr' is given twice"),
+    ],
+)
+def test_bad_settings_and_outputs_exit_2_before_anything_is_rendered(
+    api, capsys, arguments, message, tmp_path
+):
+    assert cli.main(["render", "s.toml", *arguments]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert "Traceback" not in err
+    assert not api.calls
+    assert not list(tmp_path.iterdir())
+
+
+def test_bad_values_of_a_scene_file_are_the_scenes_fault(api, capsys):
+    api.loaded.settings = {"samples": 0}
+    assert cli.main(["render", "s.toml", "--samples", "2"]) == 3
+    assert "s.toml: table [settings]: samples=0: expected" in capsys.readouterr().err
+    api.loaded.settings, api.loaded.render = {}, RenderDefaults(frames="1..3")
+    assert cli.main(["render", "s.toml"]) == 3
+    assert "s.toml: table [render]: frames '1..3'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (errors.MbintervalError("why"), 1),
+        (errors.UsageError("why"), 2),
+        (errors.SceneError("why"), 3),
+        (errors.DeviceError("why"), 4),
+        (errors.KernelBuildError("why"), 4),
+        (errors.CapacityError("why"), 5),
+        (errors.OutputError("why"), 6),
+        (ValueError("why"), 1),
+        (MemoryError(), 5),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_each_error_has_its_exit_code_and_one_line(api, capsys, error, code):
+    api.error = error
+    assert cli.main(["render", "s.toml"]) == code
+    err = capsys.readouterr().err
+    assert err.startswith("mbinterval: ")
+    assert err.count("\n") == 1
+    assert cli.main(["render", "s.toml", "-v"]) == code
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_frames_before_an_error_stay(api, tmp_path):
+    api.error, api.fail_at = errors.CapacityError("full"), 2
+    assert cli.main(["render", "s.toml", "--frames", "1-3"]) == 5
+    assert [p.name for p in tmp_path.iterdir()] == ["s.0001.exr"]
+
+
+def test_an_output_that_cannot_be_written_exits_6_before_rendering(api, tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert cli.main(["render", "s.toml", "-o", "file/a.exr"]) == 6
+    assert "file/a.exr: cannot be written" in capsys.readouterr().err
+    assert not api.calls
+
+
+def test_quiet_says_nothing_and_verbose_lists_the_stages(api, capsys):
+    assert cli.main(["render", "s.toml", "-q"]) == 0
+    assert capsys.readouterr().err == ""
+    assert cli.main(["render", "s.toml", "-v"]) == 0
+    assert "paths           0.2500 s" in capsys.readouterr().err
+
+
+def test_the_log_of_a_caller_is_left_as_it_was(api):
+    logger = logging.getLogger("mbinterval")
+    before = (list(logger.handlers), logger.level, signal.getsignal(signal.SIGTERM))
+    cli.main(["render", "s.toml", "-v"])
+    assert (list(logger.handlers), logger.level, signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_it_runs_outside_the_main_thread_too(api):
+    codes = []
+    thread = threading.Thread(target=lambda: codes.append(cli.main(["render", "s.toml"])))
+    thread.start()
+    thread.join()
+    assert codes == [0]
+
+
+def test_devices_lists_one_line_each(capsys):
+    assert cli.main(["devices"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in lines] == [str(i) for i in range(len(lines))]
+    assert lines
+    assert "compute units" in lines[0]
+
+
+@pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["render", "--help"]])
+def test_help_and_version(capsys, arguments):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(arguments)
+    assert caught.value.code == 0
+    out = capsys.readouterr().out
+    if arguments == ["--version"]:
+        assert out == f"mbinterval {mbinterval.__version__}\n"
+    else:
+        assert all(f"  {code} " in out for code in (0, 1, 2, 3, 4, 5, 6, 130))
+
+
+def test_public_names_are_there_and_others_are_not():
+    assert set(dir(mbinterval)) == set(mbinterval.__all__)
+    for name in mbinterval.__all__:
+        assert getattr(mbinterval, name) is not None
+    assert callable(mbinterval.render)
+    with pytest.raises(AttributeError, match="no attribute 'rendr'"):
+        _ = mbinterval.rendr

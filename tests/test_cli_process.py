@@ -1,0 +1,95 @@
+"""The command line in a process of its own: signals, terminals, start-up."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+
+from mbinterval.film import Film
+
+ROOT = Path(__file__).parent.parent
+
+SLOW = """
+import sys, time, types
+import numpy as np, mbinterval
+from mbinterval import cli
+from mbinterval.film import Film
+from mbinterval.scene.load import SceneFile
+from mbinterval.scene.model import Scene
+
+loader = types.ModuleType("mbinterval.scene.load")
+loader.load_file = lambda path: SceneFile(Scene(meshes=()))
+sys.modules["mbinterval.scene.load"] = loader
+
+def render(scene, *, frame, width, height, **_):
+    if frame == 2:
+        print("working", flush=True)
+        time.sleep(60)
+    pixels = np.ones((height, width))
+    return Film(np.ones((height, width, 4)), pixels, pixels, {}, (width, height))
+
+mbinterval.render = render
+sys.exit(cli.main(["render", "s.toml", "--frames", "1-3", "--width", "8", *sys.argv[1:]]))
+"""
+
+
+def start(folder, *arguments, **options):
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
+    command = [sys.executable, "-c", SLOW, *arguments]
+    return subprocess.Popen(command, cwd=folder, env=environment, text=True, **options)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_leaves_whole_frames_only(tmp_path, number):
+    process = start(tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout.readline() == "working\n"
+    process.send_signal(number)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert err.splitlines()[-1] == "mbinterval: interrupted"
+    assert "Traceback" not in err
+    assert [p.name for p in tmp_path.iterdir()] == ["s.0001.exr"]
+    Film.read(tmp_path / "s.0001.exr")
+
+
+def test_a_bar_on_a_terminal_and_none_elsewhere(tmp_path):
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
+    process = start(tmp_path, "--frames", "1,3", stdout=subprocess.DEVNULL, stderr=theirs)
+    os.close(theirs)
+    seen = b""
+    started = time.monotonic()
+    while time.monotonic() - started < 60:
+        try:
+            seen += os.read(ours, 4096)
+        except OSError:  # the other end is closed
+            break
+    os.close(ours)
+    assert process.wait(30) == 0
+    assert b"2/2" in seen
+    assert b"frame/s" in seen or b"s/frame" in seen
+    assert b"frame 3 (2/2)" in seen
+    plain = start(tmp_path, "--frames", "1,3", stderr=subprocess.PIPE)
+    assert len(plain.communicate(timeout=60)[1].splitlines()) == 2
+
+
+def test_importing_is_quick_and_brings_no_heavy_package():
+    code = (
+        "import sys, time; t = time.perf_counter(); import mbinterval, mbinterval.cli\n"
+        "print(time.perf_counter() - t, *sys.modules)"
+    )
+    best = 1.0
+    for _ in range(3):
+        out = subprocess.run(
+            [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout.split()
+        best = min(best, float(out[0]))
+        heavy = {"pyopencl", "pydantic", "trimesh", "numpy", "OpenEXR", "PIL"}
+        assert not heavy & set(out[1:])
+    assert best < 0.3

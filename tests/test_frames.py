@@ -1,0 +1,68 @@
+"""Frame ranges and numbered file names."""
+
+from pathlib import Path
+
+import pytest
+
+from mbinterval import errors
+from mbinterval.frames import frame_path, is_numbered, parse_frames
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [
+        ("7", [7]),
+        ("1-4", [1, 2, 3, 4]),
+        ("1-8x3", [1, 4, 7]),
+        ("1,5,9-12", [1, 5, 9, 10, 11, 12]),
+        ("3,1-4, 2", [3, 1, 2, 4]),
+        ("-5--3", [-5, -4, -3]),
+        ("-2-1", [-2, -1, 0, 1]),
+        ("5-5x100", [5]),
+    ],
+)
+def test_frame_ranges(text, frames):
+    assert parse_frames(text) == frames
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "'' is no frame"),
+        ("1,,2", "'' is no frame"),
+        ("1-", "'1-' is no frame"),
+        ("1x2", "'1x2' is no frame"),
+        ("1.5", "'1.5' is no frame"),
+        ("1 - 3", "'1 - 3' is no frame"),
+        ("1,9-3", "'9-3' ends before it starts"),
+        ("1-9x0", "the step of '1-9x0' must be 1 or more"),
+        ("1-9999999999", "more than 1,000,000 frames"),
+    ],
+)
+def test_bad_frame_ranges_say_which_part_is_bad(text, reason):
+    with pytest.raises(errors.UsageError, match=reason.replace("(", r"\(")) as caught:
+        parse_frames(text)
+    assert str(caught.value).startswith(f"frames {text!r}: ")
+
+
+@pytest.mark.parametrize(
+    ("pattern", "frame", "path"),
+    [
+        ("shot.####.exr", 7, "shot.0007.exr"),
+        ("shot.#.exr", 7, "shot.7.exr"),
+        ("shot.##.exr", 12345, "shot.12345.exr"),
+        ("v#1/shot.####.exr", 7, "v#1/shot.0007.exr"),
+        ("shot.%04d.exr", 7, "shot.0007.exr"),
+        ("shot.%d.exr", 7, "shot.7.exr"),
+        ("100%.####.exr", 7, "100%.0007.exr"),
+        ("shot.####.exr", -7, "shot.-0007.exr"),
+    ],
+)
+def test_file_names_take_the_frame(pattern, frame, path):
+    assert is_numbered(pattern)
+    assert frame_path(pattern, frame) == Path(path)
+
+
+def test_a_name_without_a_place_for_the_frame_is_kept():
+    assert not is_numbered("shot.exr")
+    assert frame_path("shot.exr", 7) == Path("shot.exr")
