@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+from films import METADATA, make_film
 from PIL import Image
 
 from mbinterval.atomic import replacing
@@ -16,33 +17,6 @@ from mbinterval.errors import OutputError, SceneError, UsageError
 from mbinterval.exr import ExrImage, read_exr, write_exr
 from mbinterval.film import Film
 from mbinterval.images import linear_pixels, linear_to_srgb, read_image, srgb_to_linear
-
-METADATA = {
-    "frame": 12.0,
-    "fps": 24000 / 1001,
-    "shutter": (-0.25, 0.25),
-    "third": 1 / 3,
-    "settings.seed": 2**32 - 1,
-    "settings.paths": "triangulated",
-    "worldToCamera": tuple(float(i) for i in range(16)),
-}
-
-
-def make_film(height=21, width=34, seed=0, **fields):
-    rng = np.random.default_rng(seed)
-    rgba = rng.random((height, width, 4), dtype=np.float32) * 3
-    rgba[..., 3] = rng.random((height, width))
-    depth = rng.random((height, width), dtype=np.float32)
-    depth[0, 0] = np.inf
-    values = {
-        "rgba": rgba,
-        "depth": depth,
-        "intervals": rng.integers(0, 2**32, (height, width), dtype=np.uint32),
-        "timings": {"paths": 0.1},
-        "resolution": (width, height),
-        "metadata": METADATA,
-    }
-    return Film(**(values | fields))
 
 
 def assert_same_pixels(film, other):
@@ -229,7 +203,7 @@ def test_a_full_disk_is_an_output_error_and_leaves_nothing(tmp_path, ending):
 
 def test_two_processes_that_write_one_file_do_not_mix(tmp_path):
     code = (
-        "import sys; sys.path.insert(0, sys.argv[1]); from test_film import make_film\n"
+        "import sys; sys.path.insert(0, sys.argv[1]); from films import make_film\n"
         "film = make_film(300, 400)\n"
         "for _ in range(10): film.write(sys.argv[2])"
     )

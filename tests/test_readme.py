@@ -1,0 +1,78 @@
+"""What the README tells people to type is right."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mbinterval
+from mbinterval import cli
+from mbinterval.commands import make_job
+from mbinterval.errors import MbintervalError
+from mbinterval.scene.load import load_file
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text()
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+
+
+def test_its_commands_are_those_that_ci_runs_and_name_files_that_are_there(monkeypatch):
+    start, develop = blocks("sh")
+    assert start.startswith("python3 -m venv venv && . venv/bin/activate && pip install . && ")
+    install, test = develop.strip().split(" && ")
+    assert install.replace("install", "install --quiet") in (ROOT / ".ci" / "run").read_text()
+    assert (ROOT / ".ci" / "run").read_text().splitlines()[-1] == test
+    render = shlex.split(start.strip().split(" && ")[-1])
+    assert render[0] == "mbinterval"
+    monkeypatch.chdir(ROOT)
+    job = make_job(cli._parser().parse_args(render[1:]))
+    assert job.scene.meshes
+    assert [Path(output).suffix for output in job.outputs] == [".exr", ".png"]
+
+
+def test_its_python_example_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    (code,) = blocks("python")
+    exec(code, names)
+    assert names["film"].rgba.shape == (240, 320, 4)
+    assert (tmp_path / "triangle.exr").is_file()
+
+
+def test_its_scene_file_is_valid(tmp_path):
+    (text,) = blocks("toml")
+    (tmp_path / "box.toml").write_text(text)
+    loaded = load_file(tmp_path / "box.toml")
+    assert [mesh.name for mesh in loaded.scene.meshes] == ["box", "floor"]
+    assert loaded.render.frames == "1-24"
+
+
+def test_its_exit_codes_are_those_of_the_errors_and_of_the_help():
+    documented = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
+    kinds = [MbintervalError, *MbintervalError.__subclasses__()]
+    assert documented == {0, cli.INTERRUPTED, *(kind.exit_code for kind in kinds)}
+    for code, meaning in re.findall(r"^\| (\d+) \| (.*?) \|$", README, re.MULTILINE):
+        assert f"  {code:<4} {meaning}\n" in cli._EXIT_CODES
+
+
+def test_its_table_of_stages_is_what_a_render_times():
+    stages = re.findall(r"^\| `(\w+)` \|", README, re.MULTILINE)
+    faces = np.array([[0, 1, 2]])
+    moving = np.array(
+        [[[-1, 0, 0], [0, 0, 0], [0, 1, 0]], [[0, 0, 0], [1, 0, 0], [1, 1, 0]]], float
+    )
+    camera = mbinterval.Camera(position=(0, 0, 5), look_at=(0, 0, 0))
+    scene = mbinterval.Scene(meshes=[mbinterval.Mesh(moving, faces)], camera=camera)
+    film = mbinterval.render(scene, frame=0, width=16, height=16)
+    assert set(film.timings) <= set(stages)
+    assert film.timings
+
+
+@pytest.mark.parametrize("word", ["TODO", "FIXME", "XXX"])
+def test_it_promises_nothing_unfinished(word):
+    assert word not in README
