@@ -7,7 +7,7 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -137,7 +137,12 @@ def _frames(scene: Scene, frame: float, segments: int) -> Float64:
 
 
 def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure:
-    """Evaluate ``mesh`` at ``frames``, shape (K+1,), in the world."""
+    """Evaluate ``mesh`` at ``frames``, shape (K+1,), in the world.
+
+    A transform that mirrors would turn the front of every face to the back, so the order of the
+    vertices is reversed with it. The sign at the first of ``frames`` decides: a scale that passes
+    through zero within the shutter shows the backs from then on.
+    """
     count = len(frames)
     matrices = np.eye(4)[None]
     if mesh.transform is not None:
@@ -145,6 +150,9 @@ def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure
         if not np.isfinite(matrices).all():
             raise SceneError(f"mesh {mesh.name!r}: its transform is not finite")
     matrices = _merge_equal(matrices)
+    mirrored = bool(np.linalg.det(matrices[0, :3, :3]) < 0.0)
+    if mirrored:
+        mesh = replace(mesh, faces=mesh.faces[:, ::-1])
     linear, shift = matrices[:, :3, :3], matrices[:, None, :3, 3]
     positions = _merge_equal(_at_times(mesh.positions, 3, count) @ linear.mT + shift)
     if not np.isfinite(positions).all():
@@ -153,7 +161,9 @@ def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure
     normals = uv = color = face_color = None
     if mesh.normals is not None:
         # Cofactors transform normals for any matrix, a mirrored or a singular one too.
+        # They point to the side from which vertices run counter-clockwise after the transform.
         cofactors = np.array([_cofactors(matrix) for matrix in linear])
+        cofactors = -cofactors if mirrored else cofactors
         normals = _merge_equal(_at_times(mesh.normals, 3, count) @ cofactors.mT)
     if mesh.uv is not None:
         uv = _merge_equal(_at_times(mesh.uv, 2, count))

@@ -14,6 +14,8 @@ from mbinterval.errors import SceneError
 
 Float64 = NDArray[np.float64]
 
+INTERPOLATIONS = ("linear", "step", "cubic")
+
 
 @dataclass(frozen=True, eq=False)
 class Track:
@@ -24,11 +26,14 @@ class Track:
     frames
         ``(n,)`` strictly increasing key times in frames.
     values
-        ``(n,)`` or ``(n, d)``. Quaternions are x, y, z, w, as in glTF.
+        ``(n,)`` or ``(n, d)``; for ``"cubic"`` ``(n, 3, d)``: at each key the tangent before it,
+        the value, and the tangent after it, tangents per frame. Quaternions are x, y, z, w, as in
+        glTF.
     interpolation
-        ``"linear"`` or ``"step"`` (the value of the latest key).
+        ``"linear"``, ``"step"`` (the value of the latest key) or ``"cubic"`` (Hermite, as glTF's
+        CUBICSPLINE).
     quaternion
-        Interpolate by slerp along the shorter arc.
+        Interpolate by slerp along the shorter arc; a cubic is normalized instead.
     """
 
     frames: Float64
@@ -48,31 +53,50 @@ class Track:
             raise SceneError("track: every key time and value must be finite")
         if np.any(np.diff(frames) <= 0):
             raise SceneError(f"track: key times must increase, got {frames.tolist()}")
-        if self.interpolation not in ("linear", "step"):
+        if self.interpolation not in INTERPOLATIONS:
             raise SceneError(
-                f"track: interpolation={self.interpolation!r}, expected 'linear' or 'step'"
+                f"track: interpolation={self.interpolation!r}, expected one of "
+                + ", ".join(map(repr, INTERPOLATIONS))
             )
+        cubic = self.interpolation == "cubic"
+        if cubic and (values.ndim != 3 or values.shape[1] != 3):
+            raise SceneError(f"track: cubic values have shape {values.shape}, expected (n, 3, d)")
         if self.quaternion:
-            lengths = np.linalg.norm(values, axis=-1, keepdims=True)
-            if values.shape[1:] != (4,) or not lengths.all():
+            at_keys = values[:, 1] if cubic else values
+            lengths = np.linalg.norm(at_keys, axis=-1, keepdims=True)
+            if at_keys.shape[1:] != (4,) or not lengths.all():
                 raise SceneError("track: rotation keys must be non-zero quaternions x, y, z, w")
-            values = values / lengths
+            values = values if cubic else values / lengths
         frames.flags.writeable = values.flags.writeable = False
         object.__setattr__(self, "frames", frames)
         object.__setattr__(self, "values", values)
 
     def at(self, frame: float) -> Float64:
         """Value at ``frame``, shape ``(d,)`` or ``()``."""
-        key = int(np.searchsorted(self.frames, frame, side="right")) - 1
-        if key < 0:
-            return np.asarray(self.values[0])
-        if key >= len(self.frames) - 1 or self.interpolation == "step":
-            return np.asarray(self.values[key])
+        cubic = self.interpolation == "cubic"
+        at_keys = self.values[:, 1] if cubic else self.values
+        key = max(int(np.searchsorted(self.frames, frame, side="right")) - 1, 0)
+        ends = frame <= self.frames[0] or key == len(self.frames) - 1
+        if ends or self.interpolation == "step":
+            return np.asarray(at_keys[key])
         step = self.frames[key + 1] - self.frames[key]
         part = (frame - self.frames[key]) / step
+        if cubic:
+            return self._hermite(key, step, part)
         if self.quaternion:
             return slerp(self.values[key], self.values[key + 1], part)
         return np.asarray((1.0 - part) * self.values[key] + part * self.values[key + 1])
+
+    def _hermite(self, key: int, step: float, part: float) -> Float64:
+        (_, start, leaving), (arriving, end, _) = self.values[key], self.values[key + 1]
+        rest = 1.0 - part
+        value = (
+            (1.0 + 2.0 * part) * rest**2 * start
+            + part * rest**2 * step * leaving
+            + (3.0 - 2.0 * part) * part**2 * end
+            - part**2 * rest * step * arriving
+        )
+        return np.asarray(value / np.linalg.norm(value) if self.quaternion else value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +115,18 @@ class Transform:
 
     def at(self, frame: float) -> Float64:
         """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns."""
+        world = self._local(frame)
+        node = self.parent
+        while node is not None:  # a loop, since files may nest deeper than Python's stack
+            world = node._local(frame) @ world
+            node = node.parent
+        return world
+
+    def _local(self, frame: float) -> Float64:
         local = np.eye(4)
         local[:3, :3] = quaternion_matrix(_value(self.rotation, frame)) * _value(self.scale, frame)
         local[:3, 3] = _value(self.translation, frame)
-        if self.matrix is not None:
-            local = local @ self.matrix
-        return local if self.parent is None else self.parent.at(frame) @ local
+        return local if self.matrix is None else local @ self.matrix
 
 
 def _value(value: Track | tuple[float, ...], frame: float) -> Float64:
@@ -127,3 +157,9 @@ def quaternion_matrix(quaternion: Float64) -> Float64:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def quaternion_product(a: Float64, b: Float64) -> Float64:
+    """Quaternion x, y, z, w of the rotation ``b`` followed by ``a``."""
+    vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
+    return np.append(vector, a[3] * b[3] - a[:3] @ b[:3])

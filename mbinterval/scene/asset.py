@@ -1,0 +1,48 @@
+"""What one model file brings into a scene, and how its reader reports a file that is broken."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from mbinterval.errors import SceneError
+from mbinterval.scene.model import Camera, Light, Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Asset:
+    """Meshes of a file, its camera and lights if it has any, and what had to be assumed."""
+
+    meshes: tuple[Mesh, ...]
+    camera: Camera | None = None
+    lights: tuple[Light, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@contextmanager
+def reading(path: Path, what: str) -> Iterator[None]:
+    """Turn whatever a file library raises or warns about a broken file into a ``SceneError``.
+
+    Parsers of other projects raise anything at all on broken input, hence the wide net.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except SceneError as error:
+        if str(path) in str(error):
+            raise
+        raise SceneError(f"{path}: {error}") from None
+    except MemoryError:
+        raise SceneError(f"{path}: does not fit into memory, or claims a size that can't") from None
+    except FileNotFoundError as error:
+        raise SceneError(f"{path}: file not found: tried {error.filename}; put it there") from None
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except Exception as error:
+        raise SceneError(
+            f"{path}: not a readable {what} file ({type(error).__name__}: {error}); export it again"
+        ) from error

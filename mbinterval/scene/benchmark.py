@@ -1,0 +1,43 @@
+"""Reader of benchmark scenes (.npz): two positions per vertex, unlit colour per face.
+
+Arrays: V0, V1 ``(n, 3)`` world positions at shutter open and close, F ``(m, 3)`` vertex indices,
+C ``(m, 3)`` linear colour, eye ``(3,)`` of a camera that looks along -Z with +Y up, fov in degrees
+(vertical), bg a grey or a colour, W and H the size in pixels.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mbinterval.errors import SceneError
+from mbinterval.scene.asset import reading
+from mbinterval.scene.model import Camera, Mesh, Scene
+
+_NAMES = ("V0", "V1", "F", "C", "eye", "fov", "bg", "W", "H")
+
+
+def read_benchmark(path: Path) -> tuple[Scene, int, int]:
+    """Read the scene and its width and height in pixels."""
+    with reading(path, "benchmark"), np.load(path, allow_pickle=False) as stored:
+        missing = [name for name in _NAMES if name not in stored]
+        if missing:
+            raise SceneError(f"has no array {', '.join(missing)}; it needs {', '.join(_NAMES)}")
+        arrays = {name: stored[name] for name in _NAMES}
+        mesh = Mesh(
+            positions=np.stack([arrays["V0"], arrays["V1"]]).astype(np.float64),
+            faces=arrays["F"],
+            color=arrays["C"],
+            color_domain="face",
+            shading="unlit",
+            name=path.stem,
+        )
+        x, y, z = arrays["eye"].astype(float)
+        scene = Scene(
+            meshes=[mesh],
+            camera=Camera(position=(x, y, z), fov=float(arrays["fov"])),
+            background=tuple(np.broadcast_to(arrays["bg"], 3).astype(float)),
+            name=path.stem,
+        )
+        return scene, int(arrays["W"]), int(arrays["H"])

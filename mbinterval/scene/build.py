@@ -1,0 +1,222 @@
+"""A validated scene file becomes a `Scene`: tracks from keys, meshes from objects."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.errors import SceneError
+from mbinterval.images import read_image
+from mbinterval.scene import generators
+from mbinterval.scene.asset import Asset
+from mbinterval.scene.gltf import read_gltf
+from mbinterval.scene.meshes import read_mesh_file
+from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
+from mbinterval.scene.primitives import PRIMITIVES
+from mbinterval.scene.schema import (
+    CameraTable,
+    GeneratorTable,
+    MaterialTable,
+    ObjectTable,
+    SceneTable,
+    TransformTable,
+)
+from mbinterval.scene.tracks import Track, Transform, quaternion_product
+from mbinterval.scene.validate import Problem, scene_error
+
+GLTF_SUFFIXES = (".glb", ".gltf")
+
+
+def build_scene(table: SceneTable, file: str) -> Scene:
+    """Read what the scene file names, and put the scene together.
+
+    Raises ``SceneError`` with every object and image that can't be read.
+    """
+    problems: list[Problem] = []
+    scene = _generated(table.generator)
+    fps = table.fps or scene.fps
+    assets = []
+    for index, item in enumerate(table.objects):
+        try:
+            assets.append(_object(item, fps))
+        except SceneError as error:
+            problems.append((f"objects[{index}]", str(error)))
+    background: Any = None
+    try:
+        background = _background(table, scene)
+    except SceneError as error:
+        problems.append(("background", str(error)))
+    if problems:
+        raise scene_error(file, problems)
+    camera, camera_notes = _scene_camera(table, scene, assets)
+    if table.lights is not None:
+        lights: Sequence[Light] = [
+            Light(**item.model_dump(exclude_none=True)) for item in table.lights
+        ]
+    else:
+        lights = [*scene.lights, *(light for asset in assets for light in asset.lights)]
+    return Scene(
+        meshes=[*scene.meshes, *(mesh for asset in assets for mesh in asset.meshes)],
+        camera=camera,
+        lights=lights,
+        background=background,
+        shutter=scene.shutter if table.shutter is None else Shutter(**table.shutter.model_dump()),
+        fps=fps,
+        name=table.name or Path(file).stem,
+        notes=(*scene.notes, *(note for asset in assets for note in asset.notes), *camera_notes),
+    )
+
+
+def _background(table: SceneTable, scene: Scene) -> Any:
+    if isinstance(table.background, Path):
+        return read_image(table.background)[..., :3]
+    return scene.background if table.background is None else table.background
+
+
+def _generated(table: GeneratorTable | None) -> Scene:
+    if table is None:
+        return Scene(meshes=())
+    make = getattr(generators, table.name)
+    scene: Scene = make(**table.model_dump(exclude={"name"}, exclude_none=True))
+    return scene
+
+
+def _scene_camera(
+    table: SceneTable, scene: Scene, assets: list[Asset]
+) -> tuple[Camera | None, list[str]]:
+    """Camera of the file, or else of the generator, or else of the first object that has one."""
+    if table.camera is not None:
+        return _camera(table.camera), []
+    if scene.camera is not None:
+        return scene.camera, []
+    found = [asset.camera for asset in assets if asset.camera is not None]
+    if not found:
+        return None, []
+    return found[0], [f"no [camera]: camera {found[0].name!r} of a model is used"]
+
+
+def _object(item: ObjectTable, fps: float) -> Asset:
+    root = None if item.transform is None else _transform(item.transform)
+    if item.file is None:
+        asset = Asset((_own_mesh(item, root),))
+    elif item.file.suffix.lower() in GLTF_SUFFIXES:
+        asset = read_gltf(item.file, item.fps or fps, item.clip, root)
+    else:
+        asset = read_mesh_file(item.file, root)
+    texture = None
+    if item.material is not None and item.material.texture is not None:
+        path = item.material.texture
+        texture = Texture(read_image(path), name=path.name)
+    return dataclasses.replace(
+        asset, meshes=tuple(_overridden(mesh, item, texture) for mesh in asset.meshes)
+    )
+
+
+def _own_mesh(item: ObjectTable, root: Transform | None) -> Mesh:
+    """Mesh of arrays in the file, or of a simple shape."""
+    if item.primitive is not None:
+        sizes = item.primitive.model_dump(exclude={"kind"}, exclude_none=True)
+        return dataclasses.replace(PRIMITIVES[item.primitive.kind](**sizes), transform=root)
+    return Mesh(
+        positions=np.asarray(item.positions),
+        faces=np.asarray(item.faces),
+        normals=item.normals,
+        uv=item.uv,
+        color=item.color,
+        color_domain=item.color_domain,
+        name=item.name,
+        transform=root,
+    )
+
+
+def _overridden(mesh: Mesh, item: ObjectTable, texture: Texture | None) -> Mesh:
+    """``mesh`` with what the object's own fields say."""
+    name = "/".join(part for part in (item.name, mesh.name) if part)
+    return dataclasses.replace(
+        mesh,
+        name=mesh.name if mesh.name == item.name else name,
+        material=_material(mesh.material or Material(), item.material, texture),
+        motion_segments=item.motion_segments,
+        visible=item.visible,
+    )
+
+
+def _material(own: Material, table: MaterialTable | None, texture: Texture | None) -> Material:
+    if table is None:
+        return own
+    given = table.model_dump(exclude={"texture", "wrap"}, exclude_none=True)
+    texture = texture or own.texture
+    if texture is not None and table.wrap is not None:
+        texture = dataclasses.replace(texture, wrap=table.wrap)
+    return dataclasses.replace(own, **given, texture=texture)
+
+
+def _camera(table: CameraTable) -> Camera:
+    fields = table.model_dump(exclude={"keys", "interpolation", "transform"}, exclude_none=True)
+    for name in ("position", "look_at", "up", "fov", "focal_length"):
+        track = _keyed(table.keys, name, table.interpolation)
+        if track is not None:
+            fields[name] = track
+    transform = None if table.transform is None else _transform(table.transform)
+    return Camera(**fields, transform=transform)
+
+
+def _transform(table: TransformTable) -> Transform:
+    fields: dict[str, Any] = table.model_dump(include={"translation", "scale", "rotation"})
+    for name in ("translation", "scale", "rotation"):
+        track = _keyed(table.keys, name, table.interpolation, quaternion=name == "rotation")
+        fields[name] = fields[name] if track is None else track
+    if table.euler is not None:
+        fields["rotation"] = tuple(euler_quaternion(table.euler, table.euler_order))
+    angles = _keyed(table.keys, "euler", table.interpolation)
+    if angles is not None:
+        fields["rotation"] = euler_track(angles, table.euler_order)
+    return Transform(**{name: value for name, value in fields.items() if value is not None})
+
+
+def _keyed(
+    keys: Sequence[Any], name: str, interpolation: str, quaternion: bool = False
+) -> Track | None:
+    """Track of one field through those keys that give it; None if none does."""
+    pairs = [(key.frame, getattr(key, name)) for key in keys]
+    given = [(frame, value) for frame, value in pairs if value is not None]
+    if not given:
+        return None
+    frames, values = zip(*given, strict=True)
+    return Track(np.array(frames), np.array(values), interpolation, quaternion)
+
+
+def euler_quaternion(degrees: Sequence[float], order: str = "xyz") -> NDArray[np.float64]:
+    """Quaternion x, y, z, w of turns about the fixed axes x, y, z, the first of ``order`` first."""
+    result = np.array([0.0, 0.0, 0.0, 1.0])
+    for axis in order:
+        index = "xyz".index(axis)
+        half = np.radians(degrees[index]) / 2.0
+        turn = np.zeros(4)
+        turn[index], turn[3] = np.sin(half), np.cos(half)
+        result = quaternion_product(turn, result)
+    return result
+
+
+def euler_track(angles: Track, order: str) -> Track:
+    """Rotation track from Euler keys in degrees: slerp between keys, turns of 180 and more kept.
+
+    Where an angle changes by 180 degrees or more between two keys, slerp alone would take the
+    short way, so keys are put between, the angles being linear, no more than 90 degrees apart.
+    """
+    frames, values = list(angles.frames[:1]), list(angles.values[:1])
+    for key in range(1, len(angles.frames)):
+        turn = float(np.abs(angles.values[key] - angles.values[key - 1]).max())
+        steps = (
+            int(np.ceil(turn / 90.0)) if turn >= 180.0 and angles.interpolation == "linear" else 1
+        )
+        for part in np.arange(1, steps + 1) / steps:
+            frames.append((1 - part) * angles.frames[key - 1] + part * angles.frames[key])
+            values.append((1 - part) * angles.values[key - 1] + part * angles.values[key])
+    quaternions = np.array([euler_quaternion(value, order) for value in values])
+    return Track(np.array(frames), quaternions, angles.interpolation, quaternion=True)

@@ -1,0 +1,153 @@
+"""The bytes of a glTF file: buffers, accessors, images (glTF 2.0, sections 3.6 and 3.8.4)."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, unquote_to_bytes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.errors import SceneError
+
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_SHAPES = {
+    "SCALAR": (1, 1),
+    "VEC2": (1, 2),
+    "VEC3": (1, 3),
+    "VEC4": (1, 4),
+    "MAT2": (2, 2),
+    "MAT3": (3, 3),
+    "MAT4": (4, 4),
+}
+
+
+class GltfData:
+    """A parsed glTF file and lazy access to the data that it refers to.
+
+    Attributes
+    ----------
+    document
+        The JSON part as pygltflib's records.
+    path
+        The file; what it names is relative to its folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        from pygltflib import GLTF2
+
+        self.path = path
+        data = path.read_bytes()
+        if data[:4] == b"glTF":
+            self.document: Any = GLTF2.load_from_bytes(data)
+        else:
+            self.document = GLTF2.from_json(data.decode("utf-8-sig"), infer_missing=True)
+        if self.document is None:
+            raise SceneError("has no JSON chunk; the file is cut off or not glTF 2.0")
+        if not str(self.document.asset.version or "").startswith("2"):
+            raise SceneError(f"is glTF {self.document.asset.version!r}; only 2.x can be read")
+
+    def accessor(self, index: int) -> NDArray[Any]:
+        """Elements of an accessor, ``(count,)`` for scalars, else ``(count, components)``.
+
+        Normalized integers become float64 in [0, 1] or [-1, 1]; matrices are ``(count, n, n)``
+        with the usual rows and columns.
+        """
+        accessor = item_at(self.document.accessors, index, "accessor")
+        columns, rows = _SHAPES[accessor.type]
+        kind = np.dtype(_COMPONENTS[accessor.componentType])
+        if accessor.bufferView is None:
+            values = np.zeros((accessor.count, columns, rows), kind)
+        else:
+            values = self._strided(accessor, kind, columns, rows)
+        if accessor.sparse is not None:
+            values = self._with_sparse(values, accessor.sparse, kind)
+        if accessor.normalized and kind.kind in "iu":
+            values = np.maximum(values / float(np.iinfo(kind).max), -1.0)
+        if columns > 1:
+            return values.swapaxes(1, 2)
+        return values[:, 0, 0] if rows == 1 else values[:, 0, :]
+
+    def _strided(self, accessor: Any, kind: np.dtype[Any], columns: int, rows: int) -> NDArray[Any]:
+        view, data = self._view(accessor.bufferView)
+        # Columns of matrices start at multiples of four bytes.
+        column = rows * kind.itemsize if columns == 1 else -(-rows * kind.itemsize // 4) * 4
+        stride = view.byteStride or column * columns
+        offset = accessor.byteOffset or 0
+        if accessor.count < 1 or offset < 0 or stride < 0:
+            raise SceneError(f"accessor has count {accessor.count} at offset {offset}")
+        needed = offset + (accessor.count - 1) * stride + (columns - 1) * column
+        if needed + rows * kind.itemsize > len(data):
+            raise SceneError(
+                f"accessor of {accessor.count} elements ends after its buffer view of "
+                f"{len(data)} bytes; the file is damaged or cut off"
+            )
+        shape, strides = (accessor.count, columns, rows), (stride, column, kind.itemsize)
+        return np.ndarray(shape, kind, buffer=data, offset=offset, strides=strides)
+
+    def _with_sparse(self, values: NDArray[Any], sparse: Any, kind: np.dtype[Any]) -> NDArray[Any]:
+        _, where = self._view(sparse.indices.bufferView)
+        _, what = self._view(sparse.values.bufferView)
+        places = np.frombuffer(
+            where,
+            _COMPONENTS[sparse.indices.componentType],
+            sparse.count,
+            sparse.indices.byteOffset or 0,
+        )
+        size = values.shape[1] * values.shape[2]
+        new = np.frombuffer(what, kind, sparse.count * size, sparse.values.byteOffset or 0)
+        values = values.copy()
+        values[places] = new.reshape(-1, *values.shape[1:])
+        return values
+
+    def _view(self, index: int) -> tuple[Any, memoryview]:
+        view = item_at(self.document.bufferViews, index, "buffer view")
+        if (view.extensions or {}).keys() & {"EXT_meshopt_compression"}:
+            raise SceneError("is meshopt-compressed; export it without EXT_meshopt_compression")
+        buffer = self._buffers[view.buffer] if view.buffer < len(self._buffers) else b""
+        start = view.byteOffset or 0
+        if start < 0 or view.byteLength < 0 or start + view.byteLength > len(buffer):
+            raise SceneError(
+                f"buffer view {index} ends after its buffer of {len(buffer)} bytes; "
+                "the file is damaged or cut off"
+            )
+        return view, memoryview(buffer)[start : start + view.byteLength]
+
+    @cached_property
+    def _buffers(self) -> list[bytes]:
+        blob = self.document.binary_blob() or b""
+        uris = [buffer.uri for buffer in self.document.buffers]
+        return [self._resource(uri) if uri else blob for uri in uris]
+
+    def image(self, index: int) -> tuple[bytes, str]:
+        """Encoded bytes of an image, and a name for it; raises ``FileNotFoundError``."""
+        image = item_at(self.document.images, index, "image")
+        if image.uri:
+            name = image.name or ("" if image.uri.startswith("data:") else image.uri)
+            return self._resource(image.uri), name or f"image {index}"
+        return bytes(self._view(image.bufferView)[1]), image.name or f"image {index}"
+
+    def _resource(self, uri: str) -> bytes:
+        """Bytes behind a data URI or a path relative to the file."""
+        if uri.startswith("data:"):
+            header, _, body = uri.partition(",")
+            if not header.endswith(";base64"):
+                return unquote_to_bytes(body)
+            try:
+                return base64.b64decode(body)
+            except binascii.Error as error:
+                raise SceneError(f"a data URI is damaged ({error})") from None
+        if "://" in uri:
+            raise SceneError(f"{uri} is not a local file; download it beside the model")
+        return (self.path.parent / unquote(uri)).read_bytes()
+
+
+def item_at(items: Any, index: Any, what: str) -> Any:
+    """``items[index]`` with a message; a negative index of a damaged file must not wrap."""
+    if not isinstance(index, int) or not 0 <= index < len(items or ()):
+        raise SceneError(f"{what} {index!r} does not exist; the file is damaged")
+    return items[index]

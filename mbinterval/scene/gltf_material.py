@@ -1,0 +1,109 @@
+"""Materials and textures of a glTF file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.images import decode_image
+from mbinterval.scene.gltf_data import GltfData, item_at
+from mbinterval.scene.model import Material, Texture
+
+_WRAP = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+
+# A primitive without material has the default one of glTF 2.0 (3.9): white and single-sided.
+_DEFAULT = Material(double_sided=False)
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialUse:
+    """A material, and the uv set that its texture reads: uv -> linear @ uv + offset."""
+
+    material: Material = _DEFAULT
+    uv_set: int = 0
+    uv_linear: NDArray[np.float64] = field(default_factory=lambda: np.eye(2))
+    uv_offset: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+
+
+class MaterialReader:
+    """Reads each material and each texture of a file once, when it is first used."""
+
+    def __init__(self, data: GltfData, notes: list[str]) -> None:
+        self._data = data
+        self._notes = notes
+        self._uses: dict[int, MaterialUse] = {}
+        self._textures: dict[tuple[int, str], Texture | None] = {}
+
+    def use(self, index: int | None) -> MaterialUse:
+        """Material ``index`` of the file; None is the default material."""
+        if index is None:
+            return MaterialUse()
+        if index not in self._uses:
+            self._uses[index] = self._read(
+                item_at(self._data.document.materials, index, "material")
+            )
+        return self._uses[index]
+
+    def _read(self, source: Any) -> MaterialUse:
+        pbr = source.pbrMetallicRoughness
+        unlit = "KHR_materials_unlit" in (source.extensions or {})
+        reference = None if pbr is None else pbr.baseColorTexture
+        factor = (1.0, 1.0, 1.0) if pbr is None or not pbr.baseColorFactor else pbr.baseColorFactor
+        name = source.name or ""
+        if source.alphaMode not in (None, "OPAQUE"):
+            self._note(f"material {name!r}: alphaMode {source.alphaMode} is read as OPAQUE")
+        material = Material(
+            name=name,
+            base_color=tuple(factor[:3]),
+            texture=None if reference is None else self._texture(reference.index),
+            shading="unlit" if unlit else "phong",
+            double_sided=bool(source.doubleSided),
+        )
+        if reference is None:
+            return MaterialUse(material)
+        return _placed(material, reference)
+
+    def _texture(self, index: int) -> Texture | None:
+        document = self._data.document
+        source = item_at(document.textures, index, "texture")
+        if source.source is None:
+            self._note(f"texture {index} has no image that can be read; left out")
+            return None
+        wrap = wrap_v = "repeat"
+        if source.sampler is not None:
+            sampler = item_at(document.samplers, source.sampler, "sampler")
+            wrap = _WRAP.get(sampler.wrapS, "repeat")
+            wrap_v = _WRAP.get(sampler.wrapT, "repeat")
+        if wrap != wrap_v:
+            self._note(f"texture {index} wraps by {wrap} in u and {wrap_v} in v; {wrap} is used")
+        key = (source.source, wrap)
+        if key not in self._textures:
+            self._textures[key] = self._image(*key)
+        return self._textures[key]
+
+    def _image(self, index: int, wrap: str) -> Texture | None:
+        try:
+            encoded, name = self._data.image(index)
+        except FileNotFoundError as error:
+            self._note(f"texture not found: tried {error.filename}; left out")
+            return None
+        return Texture(decode_image(encoded, name), name=name, wrap=wrap)
+
+    def _note(self, text: str) -> None:
+        self._notes.append(f"{self._data.path.name}: {text}")
+
+
+def _placed(material: Material, reference: Any) -> MaterialUse:
+    """Apply KHR_texture_transform: scale, then rotation, then offset."""
+    moved = (reference.extensions or {}).get("KHR_texture_transform") or {}
+    angle = float(moved.get("rotation", 0.0))
+    c, s = np.cos(angle), np.sin(angle)
+    return MaterialUse(
+        material,
+        uv_set=moved.get("texCoord", reference.texCoord or 0),
+        uv_linear=np.array([[c, s], [-s, c]]) * np.asarray(moved.get("scale", (1.0, 1.0))),
+        uv_offset=np.asarray(moved.get("offset", (0.0, 0.0)), dtype=np.float64),
+    )

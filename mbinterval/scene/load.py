@@ -1,0 +1,130 @@
+"""Read a scene from a file of any known kind, or from a Python dict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mbinterval.errors import SceneError
+from mbinterval.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class RenderDefaults:
+    """What a scene file proposes to the command line; None where it doesn't."""
+
+    width: int | None = None
+    height: int | None = None
+    frames: str | None = None
+    output: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFile:
+    """A scene and what else its file says.
+
+    Attributes
+    ----------
+    scene
+        The scene.
+    settings
+        Values of the ``[settings]`` table, each valid by itself; see ``Settings.from_mapping``.
+    render
+        Values of the ``[render]`` table.
+    """
+
+    scene: Scene
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    render: RenderDefaults = field(default_factory=RenderDefaults)
+
+
+def load(source: str | Path | Mapping[str, Any], base: str | Path | None = None) -> Scene:
+    """Read a scene.
+
+    Parameters
+    ----------
+    source
+        A scene file (.toml, .json), or the same as a dict; a glTF model (.glb, .gltf); a
+        benchmark (.npz); or any mesh file that trimesh reads (.obj, .ply, .stl, ...).
+    base
+        Folder that relative paths in a dict are relative to; default is the current one. In a
+        file they are relative to the file.
+
+    Raises
+    ------
+    SceneError
+        With every error of a scene file, each with its path in the file.
+    """
+    return load_file(source, base).scene
+
+
+def load_file(source: str | Path | Mapping[str, Any], base: str | Path | None = None) -> SceneFile:
+    """Read a scene as `load` does, with the settings and render defaults of its file."""
+    if isinstance(source, Mapping):
+        return _from_table(source, Path(base or "."), "scene")
+    path = Path(source)
+    if path.is_dir():
+        raise SceneError(f"{path}: is a folder; give a file in it")
+    if not path.is_file():
+        raise SceneError(f"{path}: no such file")
+    kind = path.suffix.lower()
+    if kind in (".toml", ".json"):
+        return _from_table(_parse(path, kind), path.parent, str(path))
+    if kind == ".npz":
+        from mbinterval.scene.benchmark import read_benchmark
+
+        scene, width, height = read_benchmark(path)
+        return SceneFile(scene, render=RenderDefaults(width=width, height=height))
+    return SceneFile(_model_scene(path, kind))
+
+
+def _model_scene(path: Path, kind: str) -> Scene:
+    fps = Scene(meshes=()).fps
+    if kind in (".glb", ".gltf"):
+        from mbinterval.scene.gltf import read_gltf
+
+        asset = read_gltf(path, fps)
+    else:
+        from mbinterval.scene.meshes import read_mesh_file
+
+        asset = read_mesh_file(path)
+    return Scene(
+        asset.meshes, asset.camera, asset.lights, fps=fps, name=path.stem, notes=asset.notes
+    )
+
+
+def _parse(path: Path, kind: str) -> Any:
+    """Parsed TOML or JSON; a syntax error gives line and column."""
+    import json
+    import tomllib
+
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+        return tomllib.loads(text) if kind == ".toml" else json.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{path}: not valid TOML: {error}") from None
+    except json.JSONDecodeError as error:
+        raise SceneError(
+            f"{path}: not valid JSON: {error.msg} (at line {error.lineno}, column {error.colno})"
+        ) from None
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: not UTF-8 text ({error}); save it as UTF-8") from None
+    except RecursionError:
+        raise SceneError(f"{path}: nested too deeply") from None
+    except ValueError as error:  # integers of thousands of digits
+        raise SceneError(f"{path}: {error}") from None
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def _from_table(data: Any, base: Path, file: str) -> SceneFile:
+    from mbinterval.scene.build import build_scene
+    from mbinterval.scene.validate import validate
+
+    table = validate(data, base, file)
+    values = table.render.model_dump(exclude_none=True)
+    if "frames" in values:
+        values["frames"] = str(values["frames"])
+    return SceneFile(build_scene(table, file), table.settings, RenderDefaults(**values))

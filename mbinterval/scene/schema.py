@@ -1,0 +1,254 @@
+"""The scene file as pydantic models: TOML, JSON and Python dicts share this one schema.
+
+Imported only when a scene file is read. The models check types, ranges, names and whether files
+exist; `conflicts` checks what involves several fields. Together they report every error at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo
+from pydantic_core import PydanticCustomError
+
+Vector3 = tuple[float, float, float]
+
+
+def _numbers(*counts: int) -> Callable[[Any], tuple[float, ...]]:
+    """Validate a list of as many finite numbers as one of ``counts`` says."""
+
+    def check(value: Any) -> tuple[float, ...]:
+        items = value.tolist() if isinstance(value, np.ndarray) else value
+        if (
+            not isinstance(items, list | tuple)
+            or len(items) not in counts
+            or not all(isinstance(item, int | float) for item in items)
+            or any(isinstance(item, bool) for item in items)
+            or not np.isfinite(np.array(items, dtype=float)).all()
+        ):
+            wanted = " or ".join(map(str, counts))
+            raise _problem(f"expected a list of {wanted} finite numbers, got {value!r:.80}")
+        return tuple(map(float, items))
+
+    return check
+
+
+def _scale(value: Any) -> tuple[float, ...]:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        value = [value] * 3
+    return _numbers(3)(value)
+
+
+def _rotation(value: Any) -> tuple[float, ...]:
+    quaternion = _numbers(4)(value)
+    if not any(quaternion):
+        raise _problem("a quaternion [x, y, z, w] of length 0 is no rotation")
+    return quaternion
+
+
+def _up(value: Any) -> tuple[float, ...]:
+    up = _numbers(3)(value)
+    if not any(up):
+        raise _problem("a vector of length 0 has no direction")
+    return up
+
+
+def _array(value: Any) -> np.ndarray[Any, Any]:
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.empty(0, object)
+    if array.dtype.kind not in "iuf":
+        raise _problem("expected rows of numbers, each row as long as the others")
+    return array
+
+
+def _existing(value: Any, info: ValidationInfo) -> Path:
+    """Validate the path of a file; it is relative to the folder in the context."""
+    if not isinstance(value, str | Path) or not str(value):
+        raise _problem(f"expected the path of a file, got {value!r:.80}")
+    base: Path = (info.context or {}).get("base", Path())
+    path = base / value
+    if "\0" in str(value) or not path.is_file():
+        raise _problem(
+            f"file not found: tried {path}; a relative path is relative to the scene file"
+        )
+    return path
+
+
+def _text_or_count(value: Any) -> str | int:
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise _problem(f"expected a string or a whole number, got {value!r:.80}")
+    return value
+
+
+def _background(value: Any, info: ValidationInfo) -> Path | tuple[float, ...]:
+    return _existing(value, info) if isinstance(value, str | Path) else _numbers(3)(value)
+
+
+def _problem(text: str) -> PydanticCustomError:
+    return PydanticCustomError("mbinterval", "{text}", {"text": text})
+
+
+Vec3 = Annotated[Vector3, PlainValidator(_numbers(3))]
+Direction = Annotated[Vector3, PlainValidator(_up)]
+Scale = Annotated[Vector3, PlainValidator(_scale)]
+Rotation = Annotated[tuple[float, float, float, float], PlainValidator(_rotation)]
+Size = Annotated[tuple[float, ...], PlainValidator(_numbers(2, 3))]
+Array = Annotated[Any, PlainValidator(_array)]
+TextOrCount = Annotated[str | int, PlainValidator(_text_or_count)]
+File = Annotated[Path, PlainValidator(_existing)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Angle = Annotated[float, Field(gt=0, lt=180)]
+Count = Annotated[int, Field(ge=1)]
+Interpolation = Literal["linear", "step"]
+
+
+class Table(BaseModel):
+    """A table of the scene file; unknown fields are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class TransformKey(Table):
+    """Any of translation, rotation (or euler) and scale at a frame."""
+
+    frame: float
+    translation: Vec3 | None = None
+    rotation: Rotation | None = None
+    euler: Vec3 | None = None
+    scale: Scale | None = None
+
+
+class TransformTable(Table):
+    """Constant or keyed. Euler angles are degrees about the fixed axes, in ``euler_order``."""
+
+    translation: Vec3 | None = None
+    rotation: Rotation | None = None
+    euler: Vec3 | None = None
+    euler_order: Literal["xyz", "xzy", "yxz", "yzx", "zxy", "zyx"] = "xyz"
+    scale: Scale | None = None
+    interpolation: Interpolation = "linear"
+    keys: list[TransformKey] = Field(default_factory=list)
+
+
+class CameraKey(Table):
+    """Any of the camera's fields that can be keyed, at a frame."""
+
+    frame: float
+    position: Vec3 | None = None
+    look_at: Vec3 | None = None
+    up: Direction | None = None
+    fov: Angle | None = None
+    focal_length: Positive | None = None
+
+
+class CameraTable(Table):
+    """See `mbinterval.Camera`; apertures and focal length in millimetres."""
+
+    name: str = ""
+    position: Vec3 | None = None
+    look_at: Vec3 | None = None
+    up: Direction | None = None
+    transform: TransformTable | None = None
+    fov: Angle | None = None
+    focal_length: Positive | None = None
+    vertical_aperture: Positive | None = None
+    horizontal_aperture: Positive | None = None
+    interpolation: Interpolation = "linear"
+    keys: list[CameraKey] = Field(default_factory=list)
+
+
+class ShutterTable(Table):
+    """When the shutter opens and closes, in frames relative to the frame."""
+
+    open: float = -0.25
+    close: float = 0.25
+
+
+class LightTable(Table):
+    """See `mbinterval.Light`."""
+
+    kind: Literal["ambient", "directional", "point"]
+    color: Vec3 | None = None
+    intensity: NotNegative | None = None
+    direction: Direction | None = None
+    position: Vec3 | None = None
+
+
+class MaterialTable(Table):
+    """Given fields replace those of the object's own materials."""
+
+    base_color: Vec3 | None = None
+    texture: File | None = None
+    wrap: Literal["repeat", "clamp", "mirror"] | None = None
+    shading: Literal["unlit", "phong"] | None = None
+    specular: Vec3 | None = None
+    shininess: Positive | None = None
+    double_sided: bool | None = None
+
+
+class PrimitiveTable(Table):
+    """A simple shape centred on the origin; see `mbinterval.scene.primitives`."""
+
+    kind: Literal["plane", "box", "sphere", "cylinder"]
+    size: Size | None = None
+    radius: Positive | None = None
+    height: Positive | None = None
+    segments: Annotated[int, Field(ge=3, le=4096)] | None = None
+
+
+class ObjectTable(Table):
+    """A mesh from a file, from arrays in the file, or a simple shape."""
+
+    name: str = ""
+    file: File | None = None
+    clip: TextOrCount | None = None
+    fps: Positive | None = None
+    positions: Array | None = None
+    faces: Array | None = None
+    normals: Array | None = None
+    uv: Array | None = None
+    color: Array | None = None
+    color_domain: Literal["auto", "face", "vertex"] = "auto"
+    primitive: PrimitiveTable | None = None
+    transform: TransformTable | None = None
+    material: MaterialTable | None = None
+    motion_segments: Count | None = None
+    visible: bool = True
+
+
+class GeneratorTable(Table):
+    """A generated scene; see `mbinterval.scene.generators`."""
+
+    name: Literal["ho17_cubes", "fast_cubes"]
+    count: Count | None = None
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1)] | None = None
+
+
+class RenderTable(Table):
+    """Defaults of the command line."""
+
+    width: Count | None = None
+    height: Count | None = None
+    frames: TextOrCount | None = None
+    output: str | None = None
+
+
+class SceneTable(Table):
+    """The whole scene file."""
+
+    name: str = ""
+    fps: Positive | None = None
+    background: Annotated[Any, PlainValidator(_background)] = None
+    camera: CameraTable | None = None
+    shutter: ShutterTable | None = None
+    lights: list[LightTable] | None = None
+    objects: list[ObjectTable] = Field(default_factory=list)
+    generator: GeneratorTable | None = None
+    settings: dict[str, Any] = Field(default_factory=dict)
+    render: RenderTable = Field(default_factory=RenderTable)
