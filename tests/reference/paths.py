@@ -56,7 +56,11 @@ class Paths:
 
     def time(self, path: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Global time of local times ``tau`` of segments of ``path``."""
-        return (self.segment[path] + tau) / self.segments[path]
+        return (self.segment[path] + tau) / np.maximum(self.segments[path], 1)
+
+    def local(self, path: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Local times in [0, 1] of global times ``t`` within segments of ``path``."""
+        return np.clip(t * np.maximum(self.segments[path], 1) - self.segment[path], 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +98,22 @@ class Intervals:
         """Depth of intervals ``index`` at global times ``t``, linear between the ends."""
         (t0, t1), (w0, w1) = self.t[index].T, self.w[index].T
         return w0 + (t - t0) / (t1 - t0) * (w1 - w0)
+
+    def values(self, index: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Attributes ``(M, A)`` of intervals ``index`` at global times ``t``, linear likewise."""
+        t0, t1 = self.t[index].T
+        first, last = self.attributes[index].transpose(1, 0, 2)
+        return first + ((t - t0) / (t1 - t0))[:, None] * (last - first)
+
+    def crossings(self, i: np.ndarray, j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Times at which the depths of intervals i and j cross, each with its pair's index."""
+        low = np.maximum(self.t[i, 0], self.t[j, 0])
+        high = np.minimum(self.t[i, 1], self.t[j, 1])
+        before = self.depth(i, low) - self.depth(j, low)
+        after = self.depth(i, high) - self.depth(j, high)
+        pair = np.flatnonzero((before < 0) & (after > 0) | (before > 0) & (after < 0))
+        part = before[pair] / (before[pair] - after[pair])
+        return pair, low[pair] + part * (high[pair] - low[pair])
 
 
 def concatenate(parts: list[Intervals]) -> Intervals:

@@ -9,11 +9,12 @@ import numpy as np
 
 from mbinterval.scene.exposure import Exposure
 
-from . import triangulated
+from . import exact, triangulated
 from .hits import Samples, static_intervals
 from .paths import Intervals, Paths, concatenate, paths_of
 from .samples import Grid
-from .visibility import Spans, exact, limited, masked
+from .visibility import Spans, limited, masked
+from .visibility import exact as envelope
 
 CENTRE = np.array([[0.5, 0.5]])
 BAND = 16384
@@ -61,7 +62,17 @@ def triangulated_solver(
         found = triangulated.intervals(paths, samples, pairing, shape)
         found = limited(found, max_intervals)
         found = concatenate([found, static_intervals(paths, samples)])
-        return found, exact(found) if bits is None else masked(found, bits, samples.count)
+        return found, envelope(found) if bits is None else masked(found, bits, samples.count)
+
+    return solve
+
+
+def exact_solver(bits: int | None = None) -> Solve:
+    """Exact paths with exact visibility, or with a mask of ``bits`` bits."""
+
+    def solve(paths: Paths, samples: Samples) -> tuple[Intervals, Spans]:
+        found = exact.intervals(paths, samples)
+        return found, envelope(found) if bits is None else masked(found, bits, samples.count)
 
     return solve
 
@@ -78,20 +89,23 @@ def render(
     offsets: np.ndarray = CENTRE,
     crop: Crop | None = None,
     transparent: bool = False,
+    paths: str = "triangulated",
     **options: object,
 ) -> Image:
-    """Render with triangulated paths; ``options`` go to ``triangulated_solver``.
+    """Render; ``options`` go to ``triangulated_solver``, or ``exact_solver`` (``bits``).
 
     ``offsets`` ``(N, 2)`` are the samples' places in each pixel, from its upper left corner;
     ``crop`` is x, y, width, height in pixels.
     """
-    paths = paths_of(exposure, width, height)
-    solve = triangulated_solver(paths, **options)  # type: ignore[arg-type]
-    size = (width, height)
-    background = background_of(exposure, size, crop)
-    return integrate(
-        paths, solve, flat_color(paths), size, background * (not transparent), offsets, crop
+    moving = paths_of(exposure, width, height)
+    solve = (
+        triangulated_solver(moving, **options)
+        if paths == "triangulated"
+        else exact_solver(**options)
     )
+    background = background_of(exposure, (width, height), crop) * (not transparent)
+    shade = flat_color(moving)
+    return integrate(moving, solve, shade, (width, height), background, offsets, crop)
 
 
 def background_of(exposure: Exposure, size: tuple[int, int], crop: Crop | None) -> np.ndarray:

@@ -8,7 +8,6 @@ two depths; between two cuts the order is constant, and is read off in the middl
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,45 +96,22 @@ def overlapping(intervals: Intervals) -> tuple[np.ndarray, np.ndarray]:
     return i[overlap], j[overlap]
 
 
-Depth = Callable[[np.ndarray, np.ndarray], np.ndarray]
-Crossings = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-
-
-def linear_crossings(intervals: Intervals) -> Crossings:
-    """Times at which the linear depths of intervals i and j cross, with the pair's index."""
-
-    def crossings(i: np.ndarray, j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        low = np.maximum(intervals.t[i, 0], intervals.t[j, 0])
-        high = np.minimum(intervals.t[i, 1], intervals.t[j, 1])
-        before = intervals.depth(i, low) - intervals.depth(j, low)
-        after = intervals.depth(i, high) - intervals.depth(j, high)
-        pair = np.flatnonzero((before < 0) & (after > 0) | (before > 0) & (after < 0))
-        part = before[pair] / (before[pair] - after[pair])
-        return pair, low[pair] + part * (high[pair] - low[pair])
-
-    return crossings
-
-
-def exact(
-    intervals: Intervals, depth: Depth | None = None, crossings: Crossings | None = None
-) -> Spans:
+def exact(intervals: Intervals) -> Spans:
     """Visible spans, exact in time: the front envelope of all depths, by brute force.
 
-    ``depth(interval, t)`` and ``crossings(i, j)`` describe the depth along intervals; by default
-    it is linear. Neighbouring spans of one interval are joined.
+    Depth is what the intervals say: linear, or rational for those of ``exact.py``. Neighbouring
+    spans of one interval are joined.
     """
-    depth = depth or intervals.depth
-    crossings = crossings or linear_crossings(intervals)
     if not len(intervals):
         return Spans(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0))
     i, j = overlapping(intervals)
-    pair, time = crossings(i, j)
+    pair, time = intervals.crossings(i, j)
     sample, cut = _cuts(intervals, intervals.sample[i[pair]], time)
     # Slab s runs from cut s to cut s + 1; those between two samples are never asked for.
     begin = _find(sample, cut, intervals.sample, intervals.t[:, 0])
     end = _find(sample, cut, intervals.sample, intervals.t[:, 1])
     index, slab = expand(begin, end)
-    w = depth(index, 0.5 * (cut[slab] + cut[slab + 1]))
+    w = intervals.depth(index, 0.5 * (cut[slab] + cut[slab + 1]))
     seen = nearest(slab, intervals.path[index], w, len(cut))
     slab = np.flatnonzero(seen >= 0)
     owner = index[seen[slab]]
