@@ -37,13 +37,18 @@ class _Recipe:
 def ho17_cubes(count: int = 1000, seed: int = 1) -> Scene:
     """Cubes as sparse on the screen as Hong & Oh's (2017, figure 15): 1,000 to 2,000 of them.
 
-    PLACEHOLDER
+    Edges are 0.1 to 0.3, displacements over the shutter normal with standard deviation 0.146 per
+    axis, turns up to 0.6 radians. The paper does not say how its cubes move; size and motion were
+    chosen so that the mean number of intervals per pixel is that of its figure 15, 1.67 with 1,000
+    cubes and 3.39 with 2,000. Counted for seed 1 at 1024 x 768 at pixel centres: 1.66 and 3.41,
+    where an interval is one maximal time for which one triangle, seen from the front or the back,
+    covers the centre, whether or not something else hides it; no interval is too short to count.
     """
     return _cubes("ho17_cubes", count, seed, _Recipe((0.1, 0.3), 0.146, 0.6))
 
 
 def fast_cubes(count: int = 1000, seed: int = 1) -> Scene:
-    """Larger and faster cubes, about nine times as dense as `ho17_cubes`.
+    """Larger and faster cubes: 29 intervals per pixel with 1,000, counted as for `ho17_cubes`.
 
     Edges are 0.3 to 0.9, displacements over the shutter normal with standard deviation 1 per axis,
     turns up to 0.6 radians. Not the same cubes as other benchmarks of that recipe.
