@@ -1,0 +1,83 @@
+// Stage "bin": which paths may touch which tile, without clipping (DESIGN.md 3.2).
+//
+// Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in ascending
+// order, in any run and on any number of threads.
+#include "shared/records.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+typedef struct {
+    int x, y;          // first pixel of the first tile
+    int columns, rows; // tiles
+    int size;          // pixels along a tile's edge
+    uint paths;
+    uint chunk;        // paths per work-item
+} Grid;
+
+// Columns of tiles in one row of tiles that the shape may touch.
+static int2 touched_columns(global const Shape *shape, Grid grid, int row)
+{
+    double top = grid.y + row * grid.size, bottom = top + grid.size;
+    double left = grid.x, right = grid.x + (double)grid.columns * grid.size - 1e-3;
+    for (uint i = 0; i < shape->planes; i++) {
+        double a = shape->a[i], b = shape->b[i];
+        double side = shape->c[i] + (b > 0.0 ? b * bottom : b * top);
+        if (a > 1e-5) left = fmax(left, -side / a);
+        else if (a < -1e-5) right = fmin(right, -side / a);
+        else if (side + fabs(a) * 1e5 < 0.0) return (int2)(0, -1);
+    }
+    if (left > right) return (int2)(0, -1);
+    return (int2)((int)floor((left - grid.x) / grid.size), (int)floor((right - grid.x) / grid.size));
+}
+
+// Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
+static void bin_chunk(global const Shape *shapes, Grid grid, uint chunk, global uint *place,
+                      global uint *entries)
+{
+    uint first = chunk * grid.chunk, end = min(first + grid.chunk, grid.paths);
+    for (uint i = first; i < end; i++) {
+        global const Shape *shape = shapes + i;
+        if (shape->flags & SHAPE_CULLED) continue;
+        float low = fmax((shape->y_min - grid.y) / grid.size, 0.0f);
+        float high = fmin((shape->y_max - grid.y) / grid.size, grid.rows - 1.0f);
+        if (!(low <= high)) continue;
+        for (int row = (int)low; row <= (int)high; row++) {
+            int2 touched = touched_columns(shape, grid, row);
+            for (int column = touched.x; column <= touched.y; column++) {
+                uint at = place[row * grid.columns + column]++;
+                if (entries != 0) entries[at] = i;
+            }
+        }
+    }
+}
+
+kernel void bin_count(global const Shape *shapes, Grid grid, global uint *counts)
+{
+    uint tiles = grid.columns * grid.rows;
+    global uint *place = counts + get_global_id(0) * tiles;
+    for (uint i = 0; i < tiles; i++) place[i] = 0;
+    bin_chunk(shapes, grid, get_global_id(0), place, 0);
+}
+
+// Turn counts into places to write to: tile by tile, within a tile chunk by chunk. starts[tile] is
+// the first entry of a tile; starts[tiles] is the number of all entries.
+kernel void bin_scan(uint tiles, uint chunks, global uint *counts, global uint *starts)
+{
+    uint total = 0;
+    for (uint tile = 0; tile < tiles; tile++) {
+        starts[tile] = total;
+        for (uint chunk = 0; chunk < chunks; chunk++) {
+            uint count = counts[chunk * tiles + tile];
+            counts[chunk * tiles + tile] = total;
+            total += count;
+        }
+    }
+    starts[tiles] = total;
+}
+
+kernel void bin_file(global const Shape *shapes, Grid grid, global uint *places,
+                     global uint *entries)
+{
+    uint tiles = grid.columns * grid.rows;
+    bin_chunk(shapes, grid, get_global_id(0), places + get_global_id(0) * tiles, entries);
+}

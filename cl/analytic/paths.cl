@@ -1,0 +1,148 @@
+// Stage "paths": vertices in homogeneous pixel space at the ends of every motion segment, and the
+// shape of every motion path: planes that bound it on screen, when it faces the viewer, and which
+// of its moving edges cross on screen (Hong & Oh 2017, 4.2).
+#include "shared/records.h"
+#include "shared/bernstein.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+static double3 cross_product(double3 a, double3 b)
+{
+    return (double3)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+
+static double dot_product(double3 a, double3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+static double3 load_vertex(global const Vertex *v)
+{
+    return (double3)((double)v->x + v->x_low, (double)v->y + v->y_low, (double)v->w + v->w_low);
+}
+
+// World positions to homogeneous pixel space, relative to the eye before anything is rounded.
+kernel void vertices(global const VertexJob *jobs, global const double *positions,
+                     global const Camera *cameras, global Vertex *output)
+{
+    VertexJob job = jobs[get_global_id(0)];
+    Camera camera = cameras[job.camera];
+    const double *m = camera.matrix;
+    for (uint i = 0; i < job.count; i++) {
+        global const double *p = positions + 3 * ((size_t)job.input + i);
+        double x = p[0] - camera.eye[0], y = p[1] - camera.eye[1], z = p[2] - camera.eye[2];
+        double px = m[0] * x + m[1] * y + m[2] * z;
+        double py = m[3] * x + m[4] * y + m[5] * z;
+        double pw = m[6] * x + m[7] * y + m[8] * z;
+        Vertex v;
+        v.x = (float)px, v.y = (float)py, v.w = (float)pw, v.unused = 0.0f;
+        v.x_low = (float)(px - v.x), v.y_low = (float)(py - v.y), v.w_low = (float)(pw - v.w);
+        v.unused_low = 0.0f;
+        output[job.output + i] = v;
+    }
+}
+
+// Planes through the eye and two of the six corners that have all six on one side: what the path
+// covers lies inside all of them, in front of the eye or behind it (DESIGN.md 3.2). Each is pushed
+// outwards by MARGIN pixels, more than its rounding.
+#define MARGIN 1e-3
+
+static uint bounding_planes(const double3 *q, Shape *shape)
+{
+    uint count = 0;
+    for (int i = 0; i < 6; i++) for (int j = i + 1; j < 6; j++) {
+        double3 n = cross_product(q[i], q[j]);
+        double size = sqrt(dot_product(n, n)), slope = sqrt(n.x * n.x + n.y * n.y);
+        double low = 0.0, high = 0.0;
+        for (int k = 0; k < 6; k++) {
+            double side = k == i || k == j ? 0.0 : dot_product(n, q[k]);
+            double noise = 1e-13 * size * sqrt(dot_product(q[k], q[k]));
+            low = fmin(low, side + noise), high = fmax(high, side - noise);
+        }
+        if (!(slope > 1e-13 * size) || size == 0.0) continue;
+        for (int sign = -1; sign <= 1; sign += 2) {
+            if (sign > 0 ? low < 0.0 : high > 0.0) continue;
+            double scale = sign / slope;
+            float a = (float)(n.x * scale), b = (float)(n.y * scale);
+            double c = n.z * scale + MARGIN;
+            bool known = false;
+            for (uint k = 0; k < count; k++)
+                known |= fabs(shape->a[k] - a) < 1e-7f && fabs(shape->b[k] - b) < 1e-7f
+                         && fabs(shape->c[k] - c) < 0.1 * MARGIN;
+            if (known || count == MAX_PLANES) continue;
+            shape->a[count] = a, shape->b[count] = b, shape->c[count] = c;
+            count++;
+        }
+    }
+    return count;
+}
+
+// Whether the moving edge's positions p0 q0 and p1 q1 cross on screen, and where on each.
+static bool edge_crosses(double3 p0, double3 q0, double3 p1, double3 q1, float *place)
+{
+    double3 line0 = cross_product(p0, q0), line1 = cross_product(p1, q1);
+    double a = dot_product(p0, line1), b = dot_product(q0, line1);
+    double c = dot_product(p1, line0), d = dot_product(q1, line0);
+    if (!(a * b < 0.0 && c * d < 0.0)) return false;
+    double s = a / (a - b), u = c / (c - d);
+    if (p0.z + s * (q0.z - p0.z) <= 0.0 || p1.z + u * (q1.z - p1.z) <= 0.0) return false;
+    place[0] = (float)s, place[1] = (float)u;
+    return true;
+}
+
+// Determinant of the three vertices over time, a cubic: below zero while the path's front faces
+// the viewer, zero when its plane passes through the eye. The sample plays no part.
+static void facing_over_time(const double3 *q, Shape *shape)
+{
+    double3 ab0 = cross_product(q[0], q[1]), ab1 = cross_product(q[3], q[4]);
+    double3 mixed0 = cross_product(q[0], q[4]), mixed1 = cross_product(q[3], q[1]);
+    double3 ab = mixed0 + mixed1;
+    double d[4] = {
+        dot_product(ab0, q[2]), (dot_product(ab, q[2]) + dot_product(ab0, q[5])) / 3.0,
+        (dot_product(ab1, q[2]) + dot_product(ab, q[5])) / 3.0, dot_product(ab1, q[5])
+    };
+    double roots[3];
+    int count = bernstein_cubic_roots(d, roots);
+    shape->facing[0] = bernstein_cubic_start(d) < 0.0 ? 1.0f : -1.0f;
+    for (int i = 0; i < 3; i++) shape->facing[i + 1] = i < count ? (float)roots[i] : INFINITY;
+}
+
+static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided, Shape *shape)
+{
+    double3 q[6];
+    uint corner[3] = {path.a, path.b, path.c};
+    for (int i = 0; i < 6; i++) q[i] = load_vertex(vertices + corner[i % 3] + (i < 3 ? 0 : path.step));
+    double w_low = q[0].z, w_high = q[0].z;
+    float y_min = INFINITY, y_max = -INFINITY;
+    for (int i = 0; i < 6; i++) {
+        w_low = fmin(w_low, q[i].z), w_high = fmax(w_high, q[i].z);
+        float y = (float)(q[i].y / q[i].z);
+        y_min = fmin(y_min, y), y_max = fmax(y_max, y);
+    }
+    shape->flags = w_high <= 0.0 ? SHAPE_CULLED : w_low <= 0.0 ? SHAPE_BEHIND : 0u;
+    shape->y_min = w_low > 0.0 ? y_min - (float)MARGIN : -INFINITY;
+    shape->y_max = w_low > 0.0 ? y_max + (float)MARGIN : INFINITY;
+    shape->scale = (float)exp2(-floor(log2(fmax(w_high, -w_low))));
+    shape->planes = bounding_planes(q, shape);
+    facing_over_time(q, shape);
+    if (single_sided && shape->facing[0] < 0.0f && shape->facing[1] > 1.0f)
+        shape->flags |= SHAPE_CULLED;
+    for (int side = 0; side < 3 && path.step != 0; side++) {
+        int p = side, r = (side + 1) % 3;
+        if (edge_crosses(q[p], q[r], q[p + 3], q[r + 3], shape->crossing + 2 * side))
+            shape->flags |= SHAPE_CROSSED << side;
+    }
+}
+
+#define PATHS_PER_ITEM 256
+
+kernel void paths(global const Vertex *vertices, global const Path *paths_in, uint count,
+                  global const Mesh *meshes, global const Material *materials,
+                  global Shape *shapes)
+{
+    uint first = get_global_id(0) * PATHS_PER_ITEM;
+    for (uint i = first; i < min(first + PATHS_PER_ITEM, count); i++) {
+        Path path = paths_in[i];
+        uint flags = materials[meshes[path.mesh].material].flags;
+        Shape shape = {.flags = 0u};
+        shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shape);
+        shapes[i] = shape;
+    }
+}

@@ -1,0 +1,137 @@
+// Stage "rasterize": the triangles of every motion path's surface into per-pixel linked lists
+// (Hong & Oh 2017, 4.3).
+//
+// A row of samples cuts a triangle in two of its edges. Where an edge meets the row, relative to
+// the sample, is the edge function of its two corners; a sample is inside where the two edges lie
+// on different sides of it. An edge is evaluated once for the two faces that share it, so a closed
+// surface gives every sample an even number of fragments, whatever is rounded. Corners are shifted
+// to the sample before anything is multiplied; nothing is divided by w and nothing clipped.
+#include "analytic/walk.h"
+#include "analytic/surface.h"
+
+// Where an edge meets the row: x relative to the samples, and the sums of the weights that its
+// corners have there, of their times and of their w.
+typedef struct {
+    Lanes x;
+    float weight, time, w;
+} EdgePoint;
+
+static EdgePoint meet_edge(const Surface *surface, int edge, const Lanes *x, const float *y)
+{
+    int i = EDGE_CORNERS[edge][0], j = EDGE_CORNERS[edge][1];
+    float yi = fabs(y[i]), yj = fabs(y[j]);
+    EdgePoint point;
+    point.x = x[i] * yj + x[j] * yi;
+    point.weight = yi + yj;
+    point.time = CORNER_TIME[i] * yj + CORNER_TIME[j] * yi;
+    point.w = surface->w[i] * yj + surface->w[j] * yi;
+    int side = (edge - 9) / 4;
+    if (edge >= 9 && (surface->crossed >> side & 1u)) {
+        // A part of an edge of a cap: the same function as that edge's, to the bit.
+        int part = (edge - 9) % 4, whole = part < 2 ? side : side + 3;
+        int p = EDGE_CORNERS[whole][0], q = EDGE_CORNERS[whole][1];
+        int low = y[p] < 0.0f ? p : q, high = low == p ? q : p;
+        point.x = x[low] * y[high] - x[high] * y[low];
+        point.x *= surface->along[side][part];
+    }
+    return point;
+}
+
+static bool append_fragments(Tile *tile, int row, int column, int count, uint part, float w_scale,
+                             LaneMask inside, Lanes t, Lanes w)
+{
+    float times[LANES], ws[LANES];
+    int hit[LANES];
+    vstore16(t, 0, times);
+    vstore16(w * w_scale, 0, ws);
+    vstore16(inside, 0, hit);
+    for (int i = 0; i < count; i++) {
+        if (!hit[i]) continue;
+        if (tile->fragment_count == tile->capacity) return false;
+        uint node = tile->fragment_count++;
+        int sample = row * TILE + column + i;
+        Fragment fragment = {times[i], ws[i], part, tile->heads[sample]};
+        tile->fragments[node] = fragment;
+        tile->heads[sample] = (int)node;
+    }
+    return true;
+}
+
+// All faces of the surface on up to 16 samples of one row, the first of them at `column`.
+static bool rasterize_samples(Tile *tile, const Surface *surface, uint path_index, Path path,
+                              float w_scale, const float *y, int row, int column, int count)
+{
+    Lanes x[CORNERS];
+    Lanes sample = convert_float16((int)(tile->x + column) + convert_int16(LANE_INDEX))
+                   + tile->scene.offsets[tile->layer + row / TILE].x;
+    int below = 0;
+    for (int i = 0; i < CORNERS; i++) {
+        x[i] = lanes_shift(surface->x[i], surface->x_low[i], sample, surface->w[i],
+                           surface->w_low[i]);
+        below |= (y[i] < 0.0f) << i;
+    }
+    int crossing = crossing_edges(below);
+    EdgePoint points[EDGES];
+    for (int rest = crossing; rest != 0; rest &= rest - 1) {
+        int edge = 31 - clz(rest & -rest);
+        points[edge] = meet_edge(surface, edge, x, y);
+    }
+    for (int face = 0; face < FACES; face++) {
+        int edges = crossing & FACE_EDGES[face];
+        if (edges == 0) continue;
+        int side = (face - 2) / 4;
+        if (face >= 2 && face % 2 == 0 && (surface->crossed >> side & 1u)) continue;
+        EdgePoint a = points[31 - clz(edges & -edges)], b = points[31 - clz(edges)];
+        LaneMask inside = (a.x > 0.0f) ^ (b.x > 0.0f);
+        Lanes to_a = fabs(b.x), to_b = fabs(a.x);
+        Lanes over = 1.0f / (a.weight * to_a + b.weight * to_b);
+        Lanes w = (a.w * to_a + b.w * to_b) * over;
+        Lanes t = (a.time * to_a + b.time * to_b) * over;
+        inside &= w > 0.0f;
+        if (!any(inside)) continue;
+        if (!append_fragments(tile, row, column, count, path_index << PART_BITS | face, w_scale,
+                              inside, path.open + path.length * t, w))
+            return false;
+    }
+    return true;
+}
+
+// One path on the rows first_row ... first_row + 15. False when the pool is full.
+static bool rasterize_rows(Tile *tile, const Surface *surface, uint path_index, int first_row)
+{
+    int first[LANES], last[LANES];
+    global const Shape *shape = tile->scene.shapes + path_index;
+    if (!walk_rows(tile, shape, first_row, first, last)) return true;
+    Path path = tile->scene.paths[path_index];
+    for (int i = 0; i < min(LANES, TILE - first_row % TILE); i++) {
+        if (first[i] > last[i]) continue;
+        int row = first_row + i;
+        float y[CORNERS], sample = sample_y(tile, row);
+        for (int k = 0; k < CORNERS; k++)
+            y[k] = fma(-sample, surface->w[k], surface->y[k])
+                   + fma(-sample, surface->w_low[k], surface->y_low[k]);
+        for (int column = first[i]; column <= last[i]; column += LANES)
+            if (!rasterize_samples(tile, surface, path_index, path, 1.0f / shape->scale, y, row,
+                                   column, min(LANES, last[i] + 1 - column)))
+                return false;
+    }
+    return true;
+}
+
+// Fill the piece's lists. False when the pool is full.
+static bool rasterize(Tile *tile)
+{
+    tile->fragment_count = 0;
+    for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) tile->heads[i] = -1;
+    for (uint k = tile->static_count; k < tile->member_count; k++) {
+        uint path_index = tile->members[k];
+        Surface surface;
+        load_surface(tile->scene.vertices, tile->scene.paths[path_index],
+                     tile->scene.shapes + path_index, &surface);
+        for (int row = 0; row < ROWS; row += min(LANES, TILE))
+            if (row + LANES > tile->row_low && row < tile->row_high
+                && !rasterize_rows(tile, &surface, path_index, row))
+                return false;
+    }
+    return true;
+}

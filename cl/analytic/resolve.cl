@@ -1,0 +1,31 @@
+// Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and count.
+#include "analytic/tile.h"
+
+typedef struct {
+    int x, y;           // first pixel of the film in the frame
+    int width, height;
+    float background[3];
+} Frame;
+
+static void resolve(const Tile *tile, Frame frame, global const float *background,
+                    global float4 *rgba, global float *depth, global uint *met)
+{
+    for (int y = tile->y_low; y < tile->y_high; y++)
+        for (int x = tile->x_low; x < tile->x_high; x++) {
+            int pixel = y * TILE + x;
+            int out = (tile->y + y - frame.y) * frame.width + (tile->x + x - frame.x);
+            float4 sum = tile->color[pixel];
+            depth[out] = sum.w > 0.0f ? tile->depth[pixel] / sum.w : INFINITY;
+            sum *= 1.0f / SAMPLES;
+#ifndef TRANSPARENT
+#ifdef BACKGROUND_IMAGE
+            float3 behind = vload3(out, background);
+#else
+            float3 behind = (float3)(frame.background[0], frame.background[1], frame.background[2]);
+#endif
+            sum.xyz += (1.0f - sum.w) * behind;
+#endif
+            rgba[out] = sum;
+            met[out] = tile->count[pixel];
+        }
+}

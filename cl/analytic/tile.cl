@@ -1,0 +1,152 @@
+// The analytic path, tile by tile. Each work-item takes tiles from a queue until it is empty and runs
+// the stages on them in order; its scratch memory stays in cache and is bounded.
+//
+//     nearest -> rasterize -> intervals -> sort -> occlude -> shade -> resolve
+//
+// Stages between nearest and shade exist only where something moves. Nothing is lost when a pool is
+// full: the piece of the tile at hand is done again in halves. Only when a single row of samples
+// does not fit is the tile given back to the host, which has larger pools.
+#include "analytic/tile.h"
+#ifdef STATIC
+#include "analytic/nearest.cl"
+#endif
+#ifdef MOVING
+#include "analytic/rasterize.cl"
+#include "analytic/intervals.cl"
+#include "analytic/sort.cl"
+#include "analytic/occlude.cl"
+#endif
+#include "analytic/shade.cl"
+#include "analytic/resolve.cl"
+
+enum { NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SHADE, RESOLVE, STAGES };
+
+#ifdef HAS_CYCLE_COUNTER
+#define TICKS() __builtin_readcyclecounter()
+#else
+#define TICKS() 0ul
+#endif
+
+// Add the time since *clock to the stage's, and set the clock. Passes its argument on.
+static inline bool clocked(bool done, int stage, global ulong *ticks, ulong *clock)
+{
+    ulong now = TICKS();
+    ticks[stage] += now - *clock;
+    *clock = now;
+    return done;
+}
+
+// The stages up to shading on one piece. False, and nothing added to pixels, when a pool is full.
+static bool render_piece(Tile *tile, global ulong *ticks)
+{
+    ulong clock = TICKS();
+#ifdef STATIC
+    clocked(nearest(tile), NEAREST, ticks, &clock);
+#endif
+#ifdef MOVING
+    if (!clocked(rasterize(tile), RASTERIZE, ticks, &clock)) return false;
+    if (!clocked(intervals(tile), INTERVALS, ticks, &clock)) return false;
+    if (!clocked(sort(tile), SORT, ticks, &clock)) return false;
+    if (!clocked(occlude(tile), OCCLUDE, ticks, &clock)) return false;
+#endif
+    return clocked(shade(tile), SHADE, ticks, &clock);
+}
+
+// All rows of the tile's current layers, in as few pieces as fit. False when a row does not fit.
+static bool render_layers(Tile *tile, int rows, global ulong *ticks)
+{
+    int size = rows;
+    for (tile->row_low = 0; tile->row_low < rows; tile->row_low = tile->row_high) {
+        tile->row_high = min(tile->row_low + size, rows);
+        while (!render_piece(tile, ticks)) {
+            size = (tile->row_high - tile->row_low) / 2;
+            if (size == 0) return false;
+            tile->row_high = tile->row_low + size;
+        }
+    }
+    return true;
+}
+
+static bool render_tile(Tile *tile, global ulong *ticks)
+{
+    for (int i = 0; i < TILE * TILE; i++) {
+        tile->color[i] = 0.0f;
+        tile->depth[i] = 0.0f;
+        tile->count[i] = 0u;
+    }
+    for (tile->layer = 0; tile->layer < SAMPLES; tile->layer += LAYERS)
+        if (!render_layers(tile, min(LAYERS, SAMPLES - tile->layer) * TILE, ticks)) return false;
+    return true;
+}
+
+// Number of the tile's members that do not move; they come first.
+static uint count_static(const Tile *tile)
+{
+    uint low = 0, high = tile->member_count;
+    while (low < high) {
+        uint middle = (low + high) / 2;
+        if (tile->members[middle] < STATIC_PATHS) low = middle + 1; else high = middle;
+    }
+    return low;
+}
+
+typedef struct {
+    int x, y;          // first pixel of the first tile
+    int columns, rows; // tiles
+    uint queued;       // tiles to render
+    uint capacity;     // of each pool, per work-item
+    uint light_count;
+} TileGrid;
+
+kernel void tile(
+    global const Vertex *vertices, global const Path *paths, global const Shape *shapes,
+    global const Mesh *meshes, global const Material *materials, global const float *face_colors,
+    global const float *vertex_colors, global const float *uvs, global const float *normals,
+    global const Texture *textures, global const float4 *texels, global const Light *lights,
+    global const Camera *cameras, global const float2 *offsets, global const float *background,
+    global const uint *starts, global const uint *members, global const uint *queue,
+    global uint *next, global uint *failed, global Fragment *fragments,
+    global Interval *interval_pool, global float *sorting, global Interval *sorted,
+    global Span *spans,
+    global uint *samples, global float4 *pixels, global ulong *ticks, global float4 *rgba,
+    global float *depth, global uint *met, TileGrid grid, Frame frame)
+{
+    uint worker = get_global_id(0);
+    Tile tile;
+    Scene scene = {vertices, paths, shapes, meshes, materials, face_colors, vertex_colors, uvs,
+                   normals, textures, texels, lights, grid.light_count, cameras, offsets};
+    tile.scene = scene;
+    size_t pool = (size_t)worker * grid.capacity;
+    tile.capacity = grid.capacity;
+    tile.fragments = fragments + pool, tile.intervals = interval_pool + pool;
+    tile.sorted = sorted + pool, tile.spans = spans + pool;
+    tile.sorting = sorting + (size_t)worker * SORT_ARRAYS * (grid.capacity + LANES);
+    global uint *per_sample = samples + (size_t)worker * SAMPLE_WORDS * ROWS * TILE;
+    tile.heads = (global int *)per_sample;
+    tile.static_depth = (global float *)per_sample + ROWS * TILE;
+    tile.static_part = per_sample + 2 * ROWS * TILE;
+    tile.met = per_sample + 3 * ROWS * TILE;
+    tile.runs = (global Run *)(per_sample + 4 * ROWS * TILE);
+    tile.span_runs = (global Run *)(per_sample + 6 * ROWS * TILE);
+    tile.color = pixels + (size_t)worker * PIXEL_VECTORS * TILE * TILE;
+    tile.depth = (global float *)(tile.color + TILE * TILE);
+    tile.count = (global uint *)(tile.depth + TILE * TILE);
+    ticks += worker * STAGES;
+
+    for (uint k; (k = atomic_inc(next)) < grid.queued;) {
+        uint index = queue[k];
+        tile.x = grid.x + (int)(index % grid.columns) * TILE;
+        tile.y = grid.y + (int)(index / grid.columns) * TILE;
+        tile.x_low = max(frame.x - tile.x, 0), tile.x_high = min(frame.x + frame.width - tile.x, TILE);
+        tile.y_low = max(frame.y - tile.y, 0), tile.y_high = min(frame.y + frame.height - tile.y, TILE);
+        tile.members = members + starts[index];
+        tile.member_count = starts[index + 1] - starts[index];
+        tile.static_count = count_static(&tile);
+        bool done = render_tile(&tile, ticks);
+        failed[index] = !done;
+        if (!done) continue;
+        ulong clock = TICKS();
+        resolve(&tile, frame, background, rgba, depth, met);
+        clocked(true, RESOLVE, ticks, &clock);
+    }
+}

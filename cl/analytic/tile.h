@@ -1,0 +1,90 @@
+// What one work-item knows while it renders a tile: the scene, the tile's place, and scratch memory
+// that belongs to the work-item and is used again for the next tile.
+//
+// A tile's samples form rows: row r = layer * TILE + y, where a layer holds one spatial sample of
+// every pixel. All samples of a row have the same y on screen. A piece is a run of rows whose
+// lists fit into the pools.
+//
+// The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
+// time), MASK_BITS, TEXTURE_SAMPLES, STATIC_PATHS (the first paths, which do not move), and a macro
+// for each effect that the scene calls for: MOVING, STATIC, SINGLE_SIDED, PHONG, TEXTURED,
+// VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, MAX_INTERVALS.
+#ifndef MB_TILE_H
+#define MB_TILE_H
+
+#include "shared/records.h"
+#include "shared/lanes.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+#define ROWS (LAYERS * TILE)
+#define SAMPLE_WORDS 8  // scratch words per sample: heads, static_depth ... span_runs
+#define SORT_ARRAYS 9
+#define PIXEL_VECTORS 2 // scratch float4s per pixel: color; depth, count
+
+typedef struct {
+    global const Vertex *vertices;
+    global const Path *paths;
+    global const Shape *shapes;
+    global const Mesh *meshes;
+    global const Material *materials;
+    global const float *face_colors;   // three per face
+    global const float *vertex_colors; // three per vertex and time
+    global const float *uvs;           // two
+    global const float *normals;       // three
+    global const Texture *textures;
+    global const float4 *texels;
+    global const Light *lights;
+    uint light_count;
+    global const Camera *cameras;
+    global const float2 *offsets; // of the samples in their pixel, [0, 1)
+} Scene;
+
+typedef struct {
+    Scene scene;
+    int x, y;                    // first pixel of the tile in the frame
+    int x_low, x_high;           // columns of the tile that are rendered, low <= x < high
+    int y_low, y_high;           // rows likewise
+    int layer;                   // sample of the first layer
+    int row_low, row_high;       // rows of the piece
+    global const uint *members;  // paths that may touch the tile, ascending
+    uint member_count, static_count;
+    uint capacity;               // records that each pool holds
+    global Fragment *fragments;  // pool
+    uint fragment_count;
+    global int *heads;           // first fragment of each sample
+    global Interval *intervals;  // pool
+    uint interval_count;
+    global Run *runs;            // intervals of each sample
+    global float *sorting;       // scratch of the sort: SORT_ARRAYS of capacity + LANES
+    global Interval *sorted;     // pool: intervals in depth order, split where they cross
+    uint sorted_count;
+    global Span *spans;          // pool
+    uint span_count;
+    global Run *span_runs;       // spans of each sample
+    global float *static_depth;  // of the nearest static surface
+    global uint *static_part;
+    global uint *met;            // intervals met by each sample
+    global float4 *color;        // per pixel: sums over samples, alpha last
+    global float *depth;
+    global uint *count;          // intervals met
+} Tile;
+
+// Place of a sample in the frame. Whole columns and rows plus an offset: the same bits in any tile.
+static inline float sample_x(const Tile *tile, int layer, int column)
+{
+    return (float)(tile->x + column) + tile->scene.offsets[tile->layer + layer].x;
+}
+
+static inline float sample_y(const Tile *tile, int row)
+{
+    return (float)(tile->y + row % TILE) + tile->scene.offsets[tile->layer + row / TILE].y;
+}
+
+static inline bool row_is_rendered(const Tile *tile, int row)
+{
+    int y = row % TILE;
+    return y >= tile->y_low && y < tile->y_high;
+}
+
+#endif

@@ -1,0 +1,43 @@
+// Walking what a path sweeps on screen, row by row: the columns of each row whose samples lie
+// inside all of the path's bounding planes (DESIGN.md 3.2).
+#ifndef MB_WALK_H
+#define MB_WALK_H
+
+#include "analytic/tile.h"
+
+// First and last column of the rows first_row ... first_row + 15 (of one layer) that the path may
+// cover, last < first where there is none. Returns whether there is any.
+static bool walk_rows(const Tile *tile, global const Shape *shape, int first_row, int *first,
+                      int *last)
+{
+    int layer = first_row / TILE, y = first_row % TILE;
+    float2 offset = tile->scene.offsets[tile->layer + layer];
+    float top = (float)(tile->y + y) + offset.y;
+    if (shape->y_max < top || shape->y_min > top + (LANES - 1)) return false;
+    double origin_x = tile->x + offset.x, origin_y = top;
+    Lanes left = -1.0f, right = (float)TILE;
+    for (uint i = 0; i < shape->planes; i++) {
+        float a = shape->a[i], b = shape->b[i];
+        Lanes side = (float)(shape->c[i] + a * origin_x + b * origin_y) + b * LANE_INDEX;
+        if (a > 1e-5f) left = lanes_max(left, side * (-1.0f / a));
+        else if (a < -1e-5f) right = lanes_min(right, side * (-1.0f / a));
+        else right = side < -1e-2f ? (Lanes)(-1.0f) : right;
+    }
+    // Both lie in [-1, TILE] where the row is not empty; a column is inside if left <= x <= right.
+    int16 low = convert_int16(ceil(lanes_min(left, (Lanes)(2.0f * TILE))));
+    int16 high = convert_int16(floor(lanes_max(right, (Lanes)(-2.0f))));
+    low = max(low, tile->x_low);
+    high = min(high, tile->x_high - 1);
+    vstore16(low, 0, first);
+    vstore16(high, 0, last);
+    bool any_row = false;
+    for (int i = 0; i < LANES && y + i < TILE; i++) {
+        int row = first_row + i;
+        bool inside = row >= tile->row_low && row < tile->row_high && row_is_rendered(tile, row);
+        if (!inside) last[i] = -1, first[i] = 0;
+        any_row |= first[i] <= last[i];
+    }
+    return any_row;
+}
+
+#endif

@@ -1,0 +1,136 @@
+// Records shared with the host; mbinterval/device/records.py declares the same, and a test
+// compiles a probe kernel that compares sizes and offsets.
+#ifndef MB_RECORDS_H
+#define MB_RECORDS_H
+
+// A vertex in homogeneous pixel space, (X w, Y w, w), as float pairs: value = high + low.
+typedef struct {
+    float x, y, w, unused;
+    float x_low, y_low, w_low, unused_low;
+} Vertex;
+
+// Vertices that are transformed alike: one mesh at one time of the shutter, or a part of it.
+typedef struct {
+    uint input;   // first position, in units of three doubles
+    uint output;  // first vertex
+    uint count;
+    uint camera;  // index of the camera's pose
+} VertexJob;
+
+// A camera pose: pixel-homogeneous = matrix (world - eye); ray = inverse (X, Y, 1), in the world.
+typedef struct {
+    double eye[3];
+    double matrix[9];
+    double inverse[9];
+} Camera;
+
+// A motion path: one triangle over one motion segment. The end of vertex v is v + step.
+typedef struct {
+    uint a, b, c;
+    uint step;    // vertices from the segment's start to its end; 0 where nothing moves
+    uint face;    // face of the whole scene, for colours per face
+    uint mesh;
+    float open;   // time of the segment's start, in the shutter's [0, 1]
+    float length; // its duration
+} Path;
+
+// What the mesh of a path says: where its attributes are (NONE where it has none), how many
+// vertices lie between two times of an attribute (0 where it is constant).
+typedef struct {
+    uint vertex, count;
+    uint uv, uv_step;
+    uint normal, normal_step;
+    uint color, color_step;
+    uint face_color;
+    uint material;
+    uint camera;
+    uint unused;
+} Mesh;
+
+#define NONE 0xffffffffu
+
+typedef struct {
+    float base[3];
+    float shininess;
+    float specular[3];
+    uint flags;    // MATERIAL_*
+    uint texture;  // NONE or index
+    uint unused[3];
+} Material;
+
+#define MATERIAL_PHONG 1u
+#define MATERIAL_SINGLE_SIDED 2u
+
+// A texture's mip chain, level 0 first, each half the size of the one before, at least 1.
+typedef struct {
+    uint texel;   // first texel of level 0
+    uint width, height;
+    uint levels;
+    uint wrap;    // WRAP_*
+    uint unused[3];
+} Texture;
+
+#define WRAP_REPEAT 0u
+#define WRAP_CLAMP 1u
+#define WRAP_MIRROR 2u
+
+typedef struct {
+    float color[3];  // times intensity
+    uint kind;       // LIGHT_*
+    float vector[3]; // direction towards the light, normalized, or its position
+    uint unused;
+} Light;
+
+#define LIGHT_AMBIENT 0u
+#define LIGHT_DIRECTIONAL 1u
+#define LIGHT_POINT 2u
+
+// What a path's shape says about all samples. Computed by paths.cl once a frame.
+// A sample (X, Y) can only be covered where a[i] X + b[i] Y + c[i] >= 0 for all i < planes.
+#define MAX_PLANES 8
+typedef struct {
+    double c[MAX_PLANES];
+    float a[MAX_PLANES];
+    float b[MAX_PLANES];
+    float y_min, y_max; // bounds on screen, infinite where the path reaches behind the eye
+    float facing[4];    // 1 (front) or -1 at the start, then the times at which that changes
+    float crossing[6];  // for side i: place of the crossing on its start and on its end
+    uint planes;
+    uint flags;         // SHAPE_*
+    float scale;        // power of two that brings w near 1
+    uint unused;
+} Shape;
+
+#define SHAPE_CULLED 1u   // can't be seen at all
+#define SHAPE_BEHIND 2u   // reaches behind the eye
+#define SHAPE_CROSSED 4u  // bit of side 0; sides 1 and 2 follow
+
+// A fragment: where one triangle of a path's surface is hit (Hong & Oh 2017, 4.3).
+typedef struct {
+    float t, w;
+    uint part; // path << 4 | face of the path's surface
+    int next;  // next fragment of the sample, -1 at the end
+} Fragment;
+
+#define PART_BITS 4
+#define PART_EYE 15u // stands for the moment at which the path passes through the eye
+
+// When a path covers a sample: [t0, t1), depth linear from w0 to w1.
+typedef struct {
+    float t0, t1, w0, w1;
+    uint first, last; // parts of the fragments that it was made from
+} Interval;
+
+// A visible piece of an interval.
+typedef struct {
+    float t0, t1;
+    float weight;  // of the shutter
+    uint interval; // index into the sample's intervals
+} Span;
+
+// A run of records that belongs to one sample.
+typedef struct {
+    uint start, count;
+} Run;
+
+#endif

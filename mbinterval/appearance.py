@@ -1,0 +1,127 @@
+"""Materials, textures, lights and backgrounds as the kernels read them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.device import records
+from mbinterval.scene.model import Light, Material, Texture
+
+DEFAULT_MATERIAL = Material()
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """Tables of ``cl/shared/records.h``; ``texels`` is ``(n, 4)`` float32, all mip chains."""
+
+    materials: NDArray[np.void]
+    textures: NDArray[np.void]
+    texels: Float32
+    lights: NDArray[np.void]
+
+
+def appearance(materials: Sequence[Material], lights: Sequence[Light]) -> Appearance:
+    """Tables for ``materials`` (indices stay) and ``lights``."""
+    textures = list({id(m.texture): m.texture for m in materials if m.texture}.values())
+    chains = [mip_chain(texture.image) for texture in textures]
+    texels = [level.reshape(-1, 4) for chain in chains for level in chain]
+    return Appearance(
+        materials=_material_table(materials, textures),
+        textures=_texture_table(textures, chains),
+        texels=np.concatenate(texels) if texels else np.zeros((0, 4), np.float32),
+        lights=_light_table(lights),
+    )
+
+
+def mip_chain(image: Float32) -> list[Float32]:
+    """Levels of ``image`` (h, w, 4), each half the size of the one before, down to one texel.
+
+    A level is the box-filtered one before; of an odd size the last row or column joins the one
+    before it.
+    """
+    levels = [image]
+    while levels[-1].shape[:2] != (1, 1):
+        levels.append(_halved(_halved(levels[-1], 0), 1))
+    return levels
+
+
+def _halved(image: Float32, axis: int) -> Float32:
+    size = image.shape[axis]
+    if size == 1:
+        return image
+    starts = np.arange(0, size - 1, 2)
+    sums = np.add.reduceat(image.astype(np.float64), starts, axis=axis)
+    counts = np.diff(np.append(starts, size))
+    shape = [1, 1, 1]
+    shape[axis] = len(starts)
+    return (sums / counts.reshape(shape)).astype(np.float32)
+
+
+def fit_background(image: Float32, width: int, height: int) -> Float32:
+    """``image`` (h, w, 3) resampled to fill a frame: box filter down, bilinear up."""
+    return np.ascontiguousarray(
+        _resampled(_resampled(image, 0, height), 1, width), dtype=np.float32
+    )
+
+
+def _resampled(image: NDArray[Any], axis: int, size: int) -> NDArray[Any]:
+    """Resample one axis with a triangle filter as wide as the coarser of the two grids."""
+    given = image.shape[axis]
+    if given == size:
+        return image
+    step = given / size
+    radius = max(step, 1.0)
+    centre = (np.arange(size) + 0.5) * step - 0.5
+    taps = np.arange(-int(radius) - 1, int(radius) + 2)
+    index = np.floor(centre)[:, None].astype(int) + taps
+    weight = np.maximum(0.0, 1.0 - np.abs(index - centre[:, None]) / radius)
+    weight /= weight.sum(axis=1, keepdims=True)
+    rows = np.moveaxis(image, axis, 0)
+    result = np.zeros((size, *rows.shape[1:]))
+    for tap in range(len(taps)):
+        result += weight[:, tap, None, None] * rows[np.clip(index[:, tap], 0, given - 1)]
+    return np.moveaxis(result, 0, axis)
+
+
+def _material_table(materials: Sequence[Material], textures: list[Texture]) -> NDArray[np.void]:
+    index = {id(texture): place for place, texture in enumerate(textures)}
+    table = np.zeros(len(materials), records.MATERIAL)
+    for row, material in zip(table, materials, strict=True):
+        row["base"], row["specular"] = material.base_color, material.specular
+        row["shininess"] = material.shininess
+        row["flags"] = (material.shading == "phong") * records.MATERIAL_PHONG + (
+            not material.double_sided
+        ) * records.MATERIAL_SINGLE_SIDED
+        row["texture"] = index.get(id(material.texture), records.NONE)
+    return table
+
+
+def _texture_table(textures: list[Texture], chains: list[list[Float32]]) -> NDArray[np.void]:
+    table = np.zeros(len(textures), records.TEXTURE)
+    first = 0
+    for row, texture, chain in zip(table, textures, chains, strict=True):
+        row["texel"], row["levels"] = first, len(chain)
+        row["height"], row["width"] = texture.image.shape[:2]
+        row["wrap"] = records.WRAP[texture.wrap]
+        first += sum(level.shape[0] * level.shape[1] for level in chain)
+    return table
+
+
+def _light_table(lights: Sequence[Light]) -> NDArray[np.void]:
+    table = np.zeros(len(lights), records.LIGHT)
+    for row, light in zip(table, lights, strict=True):
+        row["color"] = np.asarray(light.color) * light.intensity
+        row["kind"] = records.LIGHT_KIND[light.kind]
+        if light.kind == "point":
+            row["vector"] = light.position
+        elif light.kind == "directional":
+            direction = np.asarray(light.direction)
+            row["vector"] = -direction / np.linalg.norm(direction)
+    return table

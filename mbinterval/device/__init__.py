@@ -1,0 +1,1 @@
+"""The OpenCL device: choosing it, building programs for it, and the records shared with it."""

@@ -1,0 +1,159 @@
+"""Choose an OpenCL device, and explain it where there is none."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mbinterval.device.pocl_cpu import name_cpu
+from mbinterval.errors import DeviceError
+
+_POCL = "Portable Computing Language"
+
+
+@dataclass(frozen=True)
+class DeviceDescription:
+    """One device as ``mbinterval devices`` lists it; ``index`` selects it."""
+
+    index: int
+    name: str
+    platform: str
+    version: str
+    kind: str
+    compute_units: int
+    memory_bytes: int
+    usable: bool
+
+
+def devices() -> list[DeviceDescription]:
+    """List all OpenCL devices, in the order in which an index selects them."""
+    return [
+        DeviceDescription(
+            index=index,
+            name=device.name.strip(),
+            platform=device.platform.name.strip(),
+            version=device.platform.version.strip(),
+            kind=_kind(device),
+            compute_units=device.max_compute_units,
+            memory_bytes=device.global_mem_size,
+            usable=bool(device.double_fp_config),
+        )
+        for index, device in enumerate(_all_devices())
+    ]
+
+
+def choose_device(wanted: Any = None) -> Any:
+    """Return a ``pyopencl.Device``.
+
+    Parameters
+    ----------
+    wanted
+        A ``pyopencl.Device``; an index into ``devices()``; part of a device's or platform's name
+        (any case); or None: ``MBINTERVAL_DEVICE`` if set (index or name), else ``PYOPENCL_CTX``
+        as pyopencl reads it, else the CPU device of PoCL, else the first usable device.
+
+    Raises
+    ------
+    DeviceError
+        No device, none that fits, or one without double precision.
+    """
+    if hasattr(wanted, "int_ptr"):
+        return _checked(wanted)
+    if wanted is None:
+        wanted = os.environ.get("MBINTERVAL_DEVICE")
+    if wanted is None and os.environ.get("PYOPENCL_CTX"):
+        return _checked(_from_pyopencl_ctx())
+    found = _all_devices()
+    if not found:
+        raise DeviceError(_why_none())
+    if wanted is None:
+        usable = [device for device in found if device.double_fp_config]
+        pocl = [device for device in usable if _POCL in device.platform.name]
+        return _checked((pocl or usable or found)[0])
+    text = str(wanted).strip()
+    if text.isdigit():
+        if int(text) >= len(found):
+            raise DeviceError(f"device {text}: there are {len(found)}; see 'mbinterval devices'")
+        return _checked(found[int(text)])
+    for device in found:
+        if text.lower() in f"{device.platform.name} {device.name}".lower():
+            return _checked(device)
+    names = ", ".join(f"{i}: {device.name.strip()}" for i, device in enumerate(found))
+    raise DeviceError(f"no device is called {text!r}; there are {names}")
+
+
+def _all_devices() -> list[Any]:
+    import pyopencl as cl
+
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:
+        return []
+    found = []
+    for platform in platforms:
+        try:
+            found += platform.get_devices()
+        except cl.Error:
+            continue
+    return found
+
+
+def _from_pyopencl_ctx() -> Any:
+    import pyopencl as cl
+
+    try:
+        return cl.create_some_context(interactive=False).devices[0]
+    except (cl.Error, RuntimeError, ValueError) as error:
+        value = os.environ["PYOPENCL_CTX"]
+        raise DeviceError(f"PYOPENCL_CTX={value!r} selects no device: {error}") from None
+
+
+def _checked(device: Any) -> Any:
+    if not device.double_fp_config:
+        raise DeviceError(
+            f"device {device.name.strip()!r} has no double precision, which exact times need; "
+            "choose another with --device (see 'mbinterval devices')"
+        )
+    if _POCL in device.platform.name:
+        name_cpu(device)
+    return device
+
+
+def _kind(device: Any) -> str:
+    import pyopencl as cl
+
+    return {cl.device_type.CPU: "CPU", cl.device_type.GPU: "GPU"}.get(device.type, "other")
+
+
+def _why_none() -> str:
+    """Explain why no device was found, as far as it can be known."""
+    import pyopencl as cl
+
+    cache = pocl_cache_folder()
+    try:
+        names = [platform.name for platform in cl.get_platforms()]
+    except cl.Error:
+        names = []
+    if any(_POCL in name for name in names) and not _writable(cache):
+        return (
+            f"PoCL offers no device because its kernel cache {cache} cannot be written; "
+            "make it writable, or set POCL_CACHE_DIR to a folder that is"
+        )
+    platforms = f" (platforms: {', '.join(names)})" if names else ""
+    return f"no OpenCL device was found{platforms}; install one with: pip install 'pyopencl[pocl]'"
+
+
+def pocl_cache_folder() -> Path:
+    """Return the folder in which PoCL keeps compiled kernels."""
+    if "POCL_CACHE_DIR" in os.environ:
+        return Path(os.environ["POCL_CACHE_DIR"])
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "pocl" / "kcache"
+
+
+def _writable(folder: Path) -> bool:
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)

@@ -1,0 +1,71 @@
+"""Records shared with the kernels, as NumPy dtypes; ``cl/shared/records.h`` declares the same.
+
+A test compiles a probe kernel that reports the sizes and offsets that the device uses.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+_MAX_PLANES = 8
+
+VERTEX = np.dtype(
+    [("x", "f4"), ("y", "f4"), ("w", "f4"), ("unused", "f4")]
+    + [("x_low", "f4"), ("y_low", "f4"), ("w_low", "f4"), ("unused_low", "f4")]
+)
+VERTEX_JOB = np.dtype([("input", "u4"), ("output", "u4"), ("count", "u4"), ("camera", "u4")])
+CAMERA = np.dtype([("eye", "f8", 3), ("matrix", "f8", 9), ("inverse", "f8", 9)])
+PATH = np.dtype(
+    [("a", "u4"), ("b", "u4"), ("c", "u4"), ("step", "u4")]
+    + [("face", "u4"), ("mesh", "u4"), ("open", "f4"), ("length", "f4")]
+)
+MESH = np.dtype(
+    [("vertex", "u4"), ("count", "u4"), ("uv", "u4"), ("uv_step", "u4")]
+    + [("normal", "u4"), ("normal_step", "u4"), ("color", "u4"), ("color_step", "u4")]
+    + [("face_color", "u4"), ("material", "u4"), ("camera", "u4"), ("unused", "u4")]
+)
+MATERIAL = np.dtype(
+    [("base", "f4", 3), ("shininess", "f4"), ("specular", "f4", 3), ("flags", "u4")]
+    + [("texture", "u4"), ("unused", "u4", 3)]
+)
+TEXTURE = np.dtype(
+    [("texel", "u4"), ("width", "u4"), ("height", "u4"), ("levels", "u4")]
+    + [("wrap", "u4"), ("unused", "u4", 3)]
+)
+LIGHT = np.dtype([("color", "f4", 3), ("kind", "u4"), ("vector", "f4", 3), ("unused", "u4")])
+SHAPE = np.dtype(
+    [("c", "f8", _MAX_PLANES), ("a", "f4", _MAX_PLANES), ("b", "f4", _MAX_PLANES)]
+    + [("y_min", "f4"), ("y_max", "f4"), ("facing", "f4", 4), ("crossing", "f4", 6)]
+    + [("planes", "u4"), ("flags", "u4"), ("scale", "f4"), ("unused", "u4")]
+)
+FRAGMENT = np.dtype([("t", "f4"), ("w", "f4"), ("part", "u4"), ("next", "i4")])
+INTERVAL = np.dtype(
+    [("t0", "f4"), ("t1", "f4"), ("w0", "f4"), ("w1", "f4"), ("first", "u4"), ("last", "u4")]
+)
+SPAN = np.dtype([("t0", "f4"), ("t1", "f4"), ("weight", "f4"), ("interval", "u4")])
+RUN = np.dtype([("start", "u4"), ("count", "u4")])
+
+NONE = 0xFFFFFFFF
+"""An index that points nowhere."""
+
+MATERIAL_PHONG, MATERIAL_SINGLE_SIDED = 1, 2
+WRAP = {"repeat": 0, "clamp": 1, "mirror": 2}
+LIGHT_KIND = {"ambient": 0, "directional": 1, "point": 2}
+PART_BITS = 4
+
+BY_NAME = {
+    "Vertex": VERTEX,
+    "VertexJob": VERTEX_JOB,
+    "Camera": CAMERA,
+    "Path": PATH,
+    "Mesh": MESH,
+    "Material": MATERIAL,
+    "Texture": TEXTURE,
+    "Light": LIGHT,
+    "Shape": SHAPE,
+    "Fragment": FRAGMENT,
+    "Interval": INTERVAL,
+    "Span": SPAN,
+    "Run": RUN,
+}
+"""Every record by its name in ``records.h``."""

@@ -1,0 +1,187 @@
+"""An exposure's geometry laid out for the device: vertices to transform, paths, attributes.
+
+What does not move comes first, so that the kernels tell it from a path's index alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.appearance import DEFAULT_MATERIAL
+from mbinterval.device import records
+from mbinterval.errors import CapacityError
+from mbinterval.scene.exposure import CameraPoses, Exposure, MeshExposure
+from mbinterval.scene.model import Material
+
+_JOB_VERTICES = 4096
+_MAX_PATHS = (1 << (32 - records.PART_BITS)) - 1
+
+Record = NDArray[np.void]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Arrays as the kernels read them (``cl/shared/records.h``).
+
+    Attributes
+    ----------
+    positions
+        ``(n, 3)`` float64 world positions, mesh by mesh and time by time; ``jobs`` say what is
+        transformed by which of the ``cameras``, into ``vertex_count`` vertices.
+    paths
+        ``static_paths`` triangles that do not move, then the motion paths, mesh by mesh, segment
+        by segment, face by face.
+    meshes
+        One record per mesh, which points into ``face_color``, ``color`` (three floats each),
+        ``uv`` (two) and ``normal`` (three).
+    materials
+        The materials that the mesh records name, by index.
+    """
+
+    positions: NDArray[np.float64]
+    jobs: Record
+    cameras: Record
+    vertex_count: int
+    paths: Record
+    static_paths: int
+    meshes: Record
+    materials: tuple[Material, ...]
+    face_color: NDArray[np.float32]
+    color: NDArray[np.float32]
+    uv: NDArray[np.float32]
+    normal: NDArray[np.float32]
+
+
+def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
+    """Lay out ``exposure`` for a frame of ``width`` by ``height`` pixels."""
+    meshes = sorted(exposure.meshes, key=lambda mesh: mesh.segments > 0)
+    cameras, camera_index = _camera_table(exposure, width, height)
+    materials = {id(_material(mesh)): _material(mesh) for mesh in meshes}
+    material_index = {key: index for index, key in enumerate(materials)}
+    pools = {name: _Pool(size) for name, size in _ATTRIBUTE_SIZES.items()}
+    table = np.zeros(len(meshes), records.MESH)
+    jobs, paths = [], []
+    first = vertex = face = 0
+    for index, mesh in enumerate(meshes):
+        row, camera = table[index], camera_index[mesh.segments]
+        row["vertex"], row["count"] = vertex, mesh.positions.shape[1]
+        row["camera"], row["material"] = camera, material_index[id(_material(mesh))]
+        _add_attributes(row, mesh, pools, face)
+        jobs.append(_vertex_jobs(mesh, first, vertex, camera))
+        paths.append(_motion_paths(mesh, index, vertex, face))
+        first += mesh.positions.shape[0] * mesh.positions.shape[1]
+        vertex += (mesh.segments + 1) * mesh.positions.shape[1]
+        face += len(mesh.mesh.faces)
+    count = sum(map(len, paths))
+    if max(count, vertex, first) > _MAX_PATHS:
+        raise CapacityError(
+            f"{count} motion paths and {vertex} vertices; at most {_MAX_PATHS} of each fit: "
+            "use fewer motion segments or a smaller scene"
+        )
+    return Motion(
+        positions=_joined([mesh.positions.reshape(-1, 3) for mesh in meshes], np.float64),
+        jobs=_joined(jobs, records.VERTEX_JOB),
+        cameras=cameras,
+        vertex_count=vertex,
+        paths=_joined(paths, records.PATH),
+        static_paths=sum(len(mesh.mesh.faces) for mesh in meshes if mesh.segments == 0),
+        meshes=table,
+        materials=tuple(materials.values()),
+        **{name: _joined(pool.arrays, np.float32) for name, pool in pools.items()},
+    )
+
+
+_ATTRIBUTE_SIZES = {"face_color": 3, "color": 3, "uv": 2, "normal": 3}
+
+
+class _Pool:
+    """Attribute arrays one after the other; positions are counted in vectors of ``size``."""
+
+    def __init__(self, size: int) -> None:
+        self.size, self.count = size, 0
+        self.arrays: list[NDArray[np.float32]] = []
+
+    def add(self, values: NDArray[Any]) -> int:
+        start = self.count
+        self.arrays.append(values.astype(np.float32, copy=False).ravel())
+        self.count += values.size // self.size
+        return start
+
+
+def _add_attributes(row: Any, mesh: MeshExposure, pools: dict[str, _Pool], face: int) -> None:
+    """Put the mesh's attributes into the pools and their places into its record."""
+    for name, values in (("uv", mesh.uv), ("normal", mesh.normals), ("color", mesh.color)):
+        row[name], row[f"{name}_step"] = records.NONE, 0
+        if values is not None:
+            row[name] = pools[name].add(values)
+            row[f"{name}_step"] = values.shape[1] if len(values) > 1 else 0
+    row["face_color"] = records.NONE
+    if mesh.face_color is not None:
+        # Paths know their face in the whole scene; modulo 2**32 this may lie below zero.
+        row["face_color"] = (pools["face_color"].add(mesh.face_color) - face) % 2**32
+
+
+def _material(mesh: MeshExposure) -> Material:
+    return mesh.mesh.material or DEFAULT_MATERIAL
+
+
+def _vertex_jobs(mesh: MeshExposure, first: int, vertex: int, camera: int) -> Record:
+    """Transform the mesh's positions at each end of a segment, some thousand at a time."""
+    times, count = mesh.positions.shape[:2]
+    starts = np.arange(0, count, _JOB_VERTICES)
+    jobs = np.zeros((mesh.segments + 1, len(starts)), records.VERTEX_JOB)
+    for time in range(mesh.segments + 1):
+        jobs[time]["input"] = first + (time if times > 1 else 0) * count + starts
+        jobs[time]["output"] = vertex + time * count + starts
+        jobs[time]["camera"] = camera + time
+    jobs["count"] = np.minimum(count - starts, _JOB_VERTICES)
+    return jobs.ravel()
+
+
+def _motion_paths(mesh: MeshExposure, index: int, vertex: int, face: int) -> Record:
+    faces, count = mesh.mesh.faces, mesh.positions.shape[1]
+    segments = max(mesh.segments, 1)
+    paths = np.zeros((segments, len(faces)), records.PATH)
+    base = vertex + count * np.arange(segments)[:, None]
+    for corner, name in enumerate("abc"):
+        paths[name] = base + faces[None, :, corner]
+    paths["step"] = count if mesh.segments else 0
+    paths["face"] = face + np.arange(len(faces))
+    paths["mesh"] = index
+    paths["open"] = (np.arange(segments) / segments)[:, None]
+    paths["length"] = 1.0 / segments
+    return paths.ravel()
+
+
+def _camera_table(exposure: Exposure, width: int, height: int) -> tuple[Record, dict[int, int]]:
+    """Poses for every number of segments, and where each number's poses begin."""
+    tables, index, count = [], {}, 0
+    for segments, poses in exposure.cameras.items():
+        index[segments] = count
+        tables.append(_camera_records(poses, width, height))
+        count += len(tables[-1])
+    return np.concatenate(tables), index
+
+
+def _camera_records(poses: CameraPoses, width: int, height: int) -> Record:
+    """Matrices from the world, relative to the eye, to homogeneous pixels, and back."""
+    table = np.zeros(len(poses.eye), records.CAMERA)
+    for row, eye, rotation, focal in zip(
+        table, poses.eye, poses.rotation, poses.focal * height, strict=True
+    ):
+        to_pixels = np.array([[focal, 0, -width / 2], [0, -focal, -height / 2], [0, 0, -1.0]])
+        row["eye"] = eye
+        row["matrix"] = (to_pixels @ rotation).ravel()
+        row["inverse"] = (rotation.T @ np.linalg.inv(to_pixels)).ravel()
+    return table
+
+
+def _joined(arrays: Sequence[NDArray[Any]], dtype: Any) -> NDArray[Any]:
+    if len(arrays) == 1:
+        return np.ascontiguousarray(arrays[0], dtype)
+    return np.concatenate(arrays) if arrays else np.zeros(0, dtype)

@@ -1,0 +1,219 @@
+"""What a scene calls for: its effects with their reasons, and from them stages, options and sizes.
+
+An effect that is not called for leaves no code in the kernels (each is a macro), no buffer and
+no stage.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mbinterval.settings import Settings
+
+if TYPE_CHECKING:
+    from mbinterval.motion import Motion
+    from mbinterval.scene.exposure import Exposure
+    from mbinterval.scene.model import Scene
+
+_SAMPLES_AT_A_TIME = 1024
+_POOL_RECORDS = 65536
+
+Crop = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something that a scene may call for, and why it does or does not."""
+
+    name: str
+    active: bool
+    reason: str
+    macro: str = ""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How one exposure is rendered. Frozen and hashable; equal plans run the same kernels.
+
+    Attributes
+    ----------
+    stages
+        Names of the stages that run, in order; each is a file in ``cl/analytic``.
+    options
+        Compiler options of the kernels: one ``-D`` for each active effect and each size.
+    crop
+        Column, row, width and height of the film in the frame.
+    tile, layers
+        Edge of a tile in pixels; samples per pixel that a tile works on at a time.
+    capacity
+        Records in each of a work-item's pools at first; a pool that runs full is not an error.
+    """
+
+    width: int
+    height: int
+    crop: Crop
+    effects: tuple[Effect, ...]
+    stages: tuple[str, ...]
+    options: tuple[str, ...]
+    tile: int
+    layers: int
+    samples: int
+    capacity: int
+
+
+def make_plan(
+    exposure: Exposure,
+    motion: Motion,
+    settings: Settings,
+    width: int,
+    height: int,
+    crop: Crop,
+    capacity: int = _POOL_RECORDS,
+) -> Plan:
+    """Plan the render of ``exposure``, laid out as ``motion``."""
+    effects = _effects(exposure, motion, settings)
+    active = {effect.macro for effect in effects if effect.active}
+    tile = settings.tile_size
+    layers = max(1, min(settings.samples, _SAMPLES_AT_A_TIME // tile**2))
+    sizes = {
+        "TILE": tile,
+        "SAMPLES": settings.samples,
+        "LAYERS": layers,
+        "STATIC_PATHS": f"{motion.static_paths}u",
+    }
+    if "MOVING" in active:
+        sizes["MASK_BITS"] = settings.occlusion
+        if settings.max_intervals is not None:
+            sizes["MAX_INTERVALS"] = settings.max_intervals
+    if active & {"PHONG", "TEXTURED", "VERTEX_COLOR"}:
+        sizes["TEXTURE_SAMPLES"] = settings.texture_samples
+    timed = ("rasterize", "intervals", "sort", "occlude") if "MOVING" in active else ()
+    return Plan(
+        width=width,
+        height=height,
+        crop=crop,
+        effects=effects,
+        stages=(
+            "paths",
+            "bin",
+            *(("nearest",) if "STATIC" in active else ()),
+            *timed,
+            "shade",
+            "resolve",
+        ),
+        options=tuple(f"-D{name}" for name in sorted(active - {""}))
+        + tuple(f"-D{name}={value}" for name, value in sizes.items()),
+        tile=tile,
+        layers=layers,
+        samples=settings.samples,
+        capacity=capacity if timed else 1,
+    )
+
+
+def _effects(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:
+    paths, static = len(motion.paths), motion.static_paths
+    materials = motion.materials
+    phong = [m.name for m in materials if m.shading == "phong"]
+    textured = [m.name for m in materials if m.texture is not None]
+    single = [m.name for m in materials if not m.double_sided]
+    colored = [m.mesh.name for m in exposure.meshes if m.color is not None]
+    painted = [m.mesh.name for m in exposure.meshes if m.face_color is not None]
+    segments = sorted({mesh.segments for mesh in exposure.meshes if mesh.segments})
+    many = f", {' and '.join(map(str, segments))} motion segments" if segments else ""
+    image = not isinstance(exposure.background, tuple)
+    return (
+        Effect("motion", paths > static, f"{paths - static} motion paths{many}", "MOVING"),
+        Effect(
+            "camera motion",
+            exposure.camera_moves,
+            "the camera moves: every mesh has motion paths"
+            if exposure.camera_moves
+            else "the camera stays",
+        ),
+        Effect("static geometry", static > 0, f"{static} triangles do not move", "STATIC"),
+        Effect("single-sided", bool(single), _named("material", single), "SINGLE_SIDED"),
+        Effect("phong shading", bool(phong), _named("material", phong), "PHONG"),
+        Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
+        Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
+        Effect("face colour", bool(painted), _named("mesh", painted), "FACE_COLOR"),
+        Effect(
+            "background image",
+            image and not settings.transparent,
+            "the scene has one" if image else "a constant colour",
+            "BACKGROUND_IMAGE",
+        ),
+        Effect(
+            "transparent film",
+            settings.transparent,
+            "asked for" if settings.transparent else "not asked for",
+            "TRANSPARENT",
+        ),
+        Effect(
+            "pairing by depth",
+            settings.pairing == "depth" and paths > static,
+            f"pairing={settings.pairing!r}",
+            "PAIR_BY_DEPTH",
+        ),
+    )
+
+
+def _named(kind: str, names: list[str]) -> str:
+    """Say which items call for an effect: 'material 'tyre' and 2 more', or 'no material'."""
+    if not names:
+        return f"no {kind} calls for it"
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return f"{kind} {names[0]!r}{more}"
+
+
+def describe(
+    scene: Scene,
+    frame: float,
+    width: int,
+    height: int,
+    settings: Settings,
+    crop: Crop | None = None,
+) -> str:
+    """Describe the plan of ``frame`` in lines for people: effects, reasons, stages, sizes."""
+    from mbinterval.motion import lay_out
+    from mbinterval.scene.exposure import expose
+
+    exposure = expose(scene, frame, width / height, settings.motion_segments)
+    motion = lay_out(exposure, width, height)
+    plan = make_plan(exposure, motion, settings, width, height, crop or (0, 0, width, height))
+    lines = [f"frame {frame:g}, {width} x {height} pixels, {settings.samples} samples per pixel"]
+    lines += [f"note: {note}" for note in exposure.notes]
+    for effect in plan.effects:
+        lines.append(f"  {'on ' if effect.active else 'off'} {effect.name}: {effect.reason}")
+    lines += _mesh_lines(exposure)
+    lines.append(f"stages: {' '.join(plan.stages)}")
+    lines.append(f"kernel options: {' '.join(plan.options)}")
+    lines.append(
+        f"tiles of {plan.tile} x {plan.tile} pixels, {plan.layers} samples at a time, "
+        f"pools of {plan.capacity} records per work-item"
+    )
+    return "\n".join(lines)
+
+
+def _mesh_lines(exposure: Exposure) -> list[str]:
+    lines = [f"{len(exposure.meshes)} meshes"]
+    for mesh in exposure.meshes[:20]:
+        motion = f"{mesh.segments} motion segments" if mesh.segments else "static"
+        lines.append(f"  {mesh.mesh.name or '(unnamed)'}: {len(mesh.mesh.faces)} faces, {motion}")
+    if len(exposure.meshes) > 20:
+        lines.append(f"  and {len(exposure.meshes) - 20} more")
+    return lines
+
+
+def check_crop(crop: Any, width: int, height: int) -> Crop:
+    """Return ``crop`` as four whole numbers inside the frame, or the whole frame for None."""
+    from mbinterval.errors import UsageError
+
+    if crop is None:
+        return (0, 0, width, height)
+    x, y, columns, rows = (int(value) for value in crop)
+    if min(x, y) < 0 or min(columns, rows) < 1 or x + columns > width or y + rows > height:
+        raise UsageError(
+            f"crop {x},{y},{columns},{rows} does not lie in the frame of {width} x {height} pixels"
+        )
+    return (x, y, columns, rows)

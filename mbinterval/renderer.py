@@ -1,0 +1,72 @@
+"""``render``: a scene, a frame and settings in; a film out."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from mbinterval.errors import UsageError
+from mbinterval.film import Film
+from mbinterval.scene.model import Scene
+from mbinterval.settings import Settings
+
+
+def render(
+    scene: Scene,
+    *,
+    frame: float = 1.0,
+    width: int = 1024,
+    height: int = 768,
+    settings: Settings | None = None,
+    device: Any = None,
+    crop: tuple[int, int, int, int] | None = None,
+) -> Film:
+    """Render one frame.
+
+    Parameters
+    ----------
+    scene
+        What to render; ``mbinterval.load`` reads one from a file.
+    frame
+        Frame whose shutter interval is exposed; scenes of arrays are the same in every frame.
+    width, height
+        Size of the whole frame in pixels, 1 to 65536.
+    settings
+        How to render; None is the default ``Settings()``.
+    device
+        A ``pyopencl.Device``, an index, a part of a name, or None (see ``choose_device``).
+    crop
+        Column, row, width and height in pixels of the part to render; its pixels are those of
+        the whole frame.
+
+    Raises
+    ------
+    UsageError, SceneError, DeviceError, KernelBuildError, CapacityError
+    """
+    from mbinterval.analytic import render_analytic
+    from mbinterval.device.runtime import runtime
+    from mbinterval.metadata import frame_metadata
+    from mbinterval.motion import lay_out
+    from mbinterval.plan import check_crop, make_plan
+    from mbinterval.scene.exposure import expose
+
+    settings = settings or Settings()
+    for name, value in (("width", width), ("height", height)):
+        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 65536:
+            raise UsageError(f"{name}={value!r}: expected a whole number from 1 to 65536")
+    region = check_crop(crop, width, height)
+    started = time.perf_counter()
+    exposure = expose(scene, frame, width / height, settings.motion_segments)
+    motion = lay_out(exposure, width, height)
+    plan = make_plan(exposure, motion, settings, width, height, region)
+    exposed = time.perf_counter() - started
+    pixels = render_analytic(runtime(device), exposure, motion, plan)
+    return Film(
+        rgba=pixels.rgba,
+        depth=pixels.depth,
+        intervals=pixels.intervals,
+        timings={"expose": exposed, **pixels.timings},
+        resolution=(width, height),
+        origin=region[:2],
+        metadata=frame_metadata(scene, exposure, settings),
+    )
