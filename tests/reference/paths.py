@@ -18,9 +18,9 @@ import numpy as np
 
 from mbinterval.scene.exposure import CameraPoses, Exposure, MeshExposure
 
-UV, NORMAL, COLOR, WORLD = slice(0, 2), slice(2, 5), slice(5, 8), slice(8, 11)
-ATTRIBUTES = 11
-"""Columns of attributes: uv, world normal, vertex colour, world position."""
+UV, NORMAL, COLOR = slice(0, 2), slice(2, 5), slice(5, 8)
+ATTRIBUTES = 8
+"""Columns of attributes: uv, world normal, vertex colour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,13 +207,14 @@ def _per_segment(values: list[np.ndarray]) -> np.ndarray:
 
 
 def _attributes(mesh: MeshExposure, time: int, world: np.ndarray) -> np.ndarray:
-    """Attributes ``(F, 3, ATTRIBUTES)`` at shutter time ``time``; flat normals where none."""
+    """Attributes ``(F, 3, ATTRIBUTES)`` at shutter time ``time``; flat unit normals where none."""
     faces = mesh.mesh.faces
     result = np.zeros((len(faces), 3, ATTRIBUTES))
-    result[..., WORLD] = corners = world[faces]
     result[..., COLOR] = 1.0
+    corners = world[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    result[..., NORMAL] = flat[:, None]
+    size = np.linalg.norm(flat, axis=1, keepdims=True)
+    result[..., NORMAL] = (flat / np.where(size > 0, size, 1.0))[:, None]
     for columns, values in ((UV, mesh.uv), (NORMAL, mesh.normals), (COLOR, mesh.color)):
         if values is not None:
             result[..., columns] = values[min(time, len(values) - 1)][faces]

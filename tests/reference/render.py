@@ -13,6 +13,7 @@ from . import exact, triangulated
 from .hits import Samples, static_intervals
 from .paths import Intervals, Paths, concatenate, paths_of
 from .samples import Grid
+from .shading import Shader
 from .visibility import Spans, limited, masked
 from .visibility import exact as envelope
 
@@ -34,7 +35,7 @@ class Image:
     depth
         ``(H, W)`` mean of visible w, weighted by coverage; infinity where nothing is.
     intervals
-        ``(H, W)`` intervals of moving paths, summed over the samples.
+        ``(H, W)`` intervals, static ones included, summed over the samples.
     """
 
     rgba: np.ndarray
@@ -77,11 +78,6 @@ def exact_solver(bits: int | None = None) -> Solve:
     return solve
 
 
-def flat_color(paths: Paths) -> Shade:
-    """Shade by the colour of the path alone."""
-    return lambda intervals, spans, grid: paths.color[intervals.path[spans.interval]]
-
-
 def render(
     exposure: Exposure,
     width: int,
@@ -90,6 +86,7 @@ def render(
     crop: Crop | None = None,
     transparent: bool = False,
     paths: str = "triangulated",
+    texture_samples: int = 16,
     **options: object,
 ) -> Image:
     """Render; ``options`` go to ``triangulated_solver``, or ``exact_solver`` (``bits``).
@@ -104,7 +101,7 @@ def render(
         else exact_solver(**options)
     )
     background = background_of(exposure, (width, height), crop) * (not transparent)
-    shade = flat_color(moving)
+    shade = Shader(exposure, moving, (width, height), texture_samples)
     return integrate(moving, solve, shade, (width, height), background, offsets, crop)
 
 
@@ -142,10 +139,9 @@ def integrate(
 
 def _sums(paths: Paths, solve: Solve, shade: Shade, grid: Grid) -> np.ndarray:
     intervals, spans = solve(paths, grid)
-    moving = paths.segments[intervals.path] > 0
     sample = intervals.sample[spans.interval]
     w = intervals.depth(spans.interval, spans.t.mean(axis=1))
     columns = [*shade(intervals, spans, grid).T, np.ones(len(sample)), w]
     sums = [np.bincount(sample, spans.weight * c, grid.count) for c in columns]
-    sums.append(np.bincount(intervals.sample[moving], minlength=grid.count).astype(np.float64))
+    sums.append(np.bincount(intervals.sample, minlength=grid.count).astype(np.float64))
     return np.stack(sums, axis=1)

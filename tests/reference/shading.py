@@ -1,0 +1,189 @@
+"""Average colour of visible spans: textures, vertex colours and Phong's model.
+
+A span is averaged at the midpoints of n equal parts of its time range (Hong & Oh 2017, 3.2). The
+mip level is log2(max(|du| width, |dv| height) / n), du and dv being the differences of uv over
+the range (4.4), clamped to the chain. Levels are box-filtered, each from the one before, half its
+size rounded down (of an odd size the last row or column joins the one before it); look-ups are
+bilinear in the two nearest levels, texel centres at one half, v pointing up.
+
+A point seen at depth w and segment time tau lies at eye + w ray, where eye and ray (through the
+sample, at w = 1) run linearly from the camera's pose at one end of the segment to the other's.
+Normals are used as they are given, linear over the interval and then normalized; a flat surface
+takes its unit normals at both ends of the segment. The viewer's side of a two-sided surface is
+lit. There is no highlight where a light is behind the surface.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbinterval.scene.exposure import Exposure
+from mbinterval.scene.model import Light, Material, Texture
+
+from .hits import Samples
+from .paths import COLOR, NORMAL, UV, Intervals, Paths
+from .visibility import Spans
+
+
+class Shader:
+    """Shade spans of ``paths``, which were made from ``exposure`` for an image of ``size``."""
+
+    def __init__(
+        self, exposure: Exposure, paths: Paths, size: tuple[int, int], texture_samples: int = 16
+    ) -> None:
+        self.exposure, self.paths, self.size = exposure, paths, size
+        self.count = texture_samples
+        self.materials = [mesh.mesh.material or Material() for mesh in exposure.meshes]
+        self.chains = [m.texture and mip_chain(m.texture.image) for m in self.materials]
+
+    def __call__(self, intervals: Intervals, spans: Spans, samples: Samples) -> np.ndarray:
+        """Colour ``(J, 3)`` of each span."""
+        path = intervals.path[spans.interval]
+        color = self.paths.color[path]
+        if not self.paths.attributes.shape[-1]:
+            return color
+        places = (np.arange(self.count) + 0.5) / self.count
+        for mesh in np.unique(self.paths.mesh[path]):
+            span = np.flatnonzero(self.paths.mesh[path] == mesh)
+            one = Spans(spans.interval[span], spans.t[span], spans.weight[span])
+            level = self._level(mesh, intervals, one)
+            total = sum(
+                self._at(mesh, intervals, one, part, level, samples, color[span]) for part in places
+            )
+            color[span] = total / self.count
+        return color
+
+    def _level(self, mesh: int, intervals: Intervals, spans: Spans) -> np.ndarray:
+        texture = self.materials[mesh].texture
+        if texture is None:
+            return np.zeros(len(spans.interval))
+        ends = [intervals.values(spans.interval, t)[:, UV] for t in spans.t.T]
+        height, width = texture.image.shape[:2]
+        extent = (np.abs(ends[1] - ends[0]) * [width, height]).max(axis=1) / self.count
+        return np.log2(np.maximum(extent, 1.0))
+
+    def _at(
+        self, mesh: int, intervals: Intervals, spans: Spans, part: float, level: np.ndarray,
+        samples: Samples, base: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """Colour of spans of one mesh, ``part`` of the way through their time ranges."""
+        t = spans.t[:, 0] + part * (spans.t[:, 1] - spans.t[:, 0])
+        values = intervals.values(spans.interval, t)
+        material = self.materials[mesh]
+        color = base * values[:, COLOR]
+        if material.texture is not None:
+            color = color * trilinear(self.chains[mesh], material.texture, values[:, UV], level)
+        if material.shading == "unlit":
+            return color
+        w = intervals.depth(spans.interval, t)
+        x, y = samples.positions(intervals.sample[spans.interval])
+        eye, ray = self._view(mesh, intervals.path[spans.interval], x, y, t)
+        view, normal = -unit(ray), unit(values[:, NORMAL])
+        if material.double_sided:
+            away = (normal * view).sum(axis=1, keepdims=True) < 0
+            normal = np.where(away, -normal, normal)
+        position = eye + w[:, None] * ray
+        lights = self.exposure.lights
+        return sum(
+            (phong(material, color, position, normal, view, light) for light in lights),
+            np.zeros_like(color),
+        )
+
+    def _view(
+        self, mesh: int, path: np.ndarray, x: np.ndarray, y: np.ndarray, t: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Eye, and ray through the sample at w = 1, in the world at global times t."""
+        poses = self.exposure.cameras[self.exposure.meshes[mesh].segments]
+        width, height = self.size
+        segment = self.paths.segment[path]
+        ends = []
+        for pose in (segment, np.minimum(segment + 1, len(poses.eye) - 1)):
+            focal = poses.focal[pose] * height
+            p = np.stack([(x - width / 2) / focal, (height / 2 - y) / focal, -np.ones(len(x))], 1)
+            ends.append((poses.eye[pose], np.einsum("mi,mij->mj", p, poses.rotation[pose])))
+        tau = self.paths.local(path, t)[:, None]
+        (eye0, ray0), (eye1, ray1) = ends
+        return eye0 + tau * (eye1 - eye0), ray0 + tau * (ray1 - ray0)
+
+
+def unit(v: np.ndarray) -> np.ndarray:
+    """Vectors ``(M, 3)`` of length 1; zero stays zero."""
+    length = np.linalg.norm(v, axis=1, keepdims=True)
+    return v / np.where(length > 0, length, 1.0)
+
+
+def phong(
+    material: Material,
+    color: np.ndarray,
+    position: np.ndarray,
+    normal: np.ndarray,
+    view: np.ndarray,
+    light: Light,
+) -> np.ndarray:
+    """What one light adds: colour * max(0, n.l) + specular * max(0, r.v) ** shininess, lit."""
+    arriving = np.asarray(light.color) * light.intensity
+    if light.kind == "ambient":
+        return color * arriving
+    if light.kind == "directional":
+        towards = unit(-np.asarray([light.direction]))
+    else:
+        towards = np.asarray(light.position) - position
+        arriving = arriving / (towards**2).sum(axis=1, keepdims=True)
+        towards = unit(towards)
+    cosine = (normal * towards).sum(axis=1, keepdims=True)
+    mirrored = 2.0 * cosine * normal - towards
+    highlight = np.maximum((mirrored * view).sum(axis=1, keepdims=True), 0.0) ** material.shininess
+    lit = cosine * color + highlight * np.asarray(material.specular)
+    return np.where(cosine > 0, arriving * lit, 0.0)
+
+
+def mip_chain(image: np.ndarray) -> list[np.ndarray]:
+    """All levels of ``image`` ``(h, w, c)``, down to one texel."""
+    levels = [np.asarray(image, dtype=np.float64)]
+    while max(levels[-1].shape[:2]) > 1:
+        level = levels[-1]
+        for axis in (0, 1):
+            size = level.shape[axis]
+            groups = np.array_split(np.arange(size), [*range(2, size - 1, 2)])
+            level = np.stack([level.take(g, axis).mean(axis) for g in groups], axis)
+        levels.append(level)
+    return levels
+
+
+def wrapped(index: np.ndarray, size: int, wrap: str) -> np.ndarray:
+    """Texel that stands at ``index``, any integer, of a row of ``size`` texels."""
+    if wrap == "clamp":
+        return np.clip(index, 0, size - 1)
+    if wrap == "repeat":
+        return np.mod(index, size)
+    folded = np.mod(index, 2 * size)
+    return np.where(folded < size, folded, 2 * size - 1 - folded)
+
+
+def bilinear(image: np.ndarray, texture: Texture, uv: np.ndarray) -> np.ndarray:
+    """Colour ``(M, 3)`` of one level at ``uv`` ``(M, 2)``."""
+    height, width = image.shape[:2]
+    x, y = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    result = np.zeros((len(uv), 3))
+    for down in (0, 1):
+        for right in (0, 1):
+            share_x = x - left if right else 1.0 - (x - left)
+            share_y = y - top if down else 1.0 - (y - top)
+            row = wrapped(top + down, height, texture.wrap)
+            column = wrapped(left + right, width, texture.wrap)
+            result += (share_x * share_y)[:, None] * image[row, column, :3]
+    return result
+
+
+def trilinear(
+    chain: list[np.ndarray], texture: Texture, uv: np.ndarray, level: np.ndarray
+) -> np.ndarray:
+    """Colour ``(M, 3)`` between the two levels nearest to ``level`` ``(M,)``."""
+    level = np.clip(level, 0.0, len(chain) - 1)
+    result = np.zeros((len(uv), 3))
+    for index, image in enumerate(chain):
+        share = np.maximum(1.0 - np.abs(level - index), 0.0)
+        used = np.flatnonzero(share)
+        result[used] += share[used, None] * bilinear(image, texture, uv[used])
+    return result
