@@ -123,7 +123,8 @@ def conflicts(data: Mapping[str, Any]) -> list[Problem]:
     if _ordered(shutter.get("close", 0.25), shutter.get("open", -0.25)):
         problems.append(("shutter", "close must come after open"))
     for index, item in enumerate(_list(data.get("objects"))):
-        problems += _object(f"objects[{index}]", _mapping(item))
+        if isinstance(item, Mapping):
+            problems += _object(f"objects[{index}]", item)
     return problems
 
 
