@@ -1,6 +1,7 @@
-"""The twin on the scenes of ../shared/benchmark, beside their converged references.
+r"""The twin on the scenes of ../shared/benchmark, beside their converged references.
 
-    python tests/reference_benchmark.py cubes1000 [--crop X,Y,W,H] [--samples N] [--save FILE.npz]
+    PYTHONPATH=. python tests/reference_benchmark.py cubes1000 \
+        [--crop X,Y,W,H] [--samples N] [--save FILE.npz]
 
 Prints, for each way to render, seconds, intervals per sample, the full pixel error against the
 reference and the temporal error against the exact twin at the same samples. The last line is the
@@ -54,7 +55,7 @@ def moved(exposure: Exposure, part: float) -> Exposure:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scene", choices=[p.stem for p in FOLDER.glob("*[a-z0-9].npz")])
+    parser.add_argument("scene", choices=["cubes1000", "cubes2000", "sphere82k", "wheel"])
     parser.add_argument("--crop", type=lambda text: tuple(map(int, text.split(","))))
     parser.add_argument("--samples", type=int, default=1)
     parser.add_argument("--save", type=Path)
@@ -70,7 +71,10 @@ def main() -> None:
         image = images[name] = render(
             frozen, width, height, spread(options.samples), options.crop, **ways
         )
-        full, temporal = rmse(image.rgba[..., :3], rgb), rmse(image.rgba, images["exact"].rgba)
+        full, temporal = (
+            rmse(image.rgba[..., :3], rgb),
+            rmse(image.rgba[..., :3], images["exact"].rgba[..., :3]),
+        )
         print(
             f"{name:40}{time.perf_counter() - start:8.1f} s"
             f"{image.intervals.mean() / options.samples:9.2f} intervals"
