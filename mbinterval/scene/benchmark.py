@@ -8,8 +8,10 @@ C ``(m, 3)`` linear colour, eye ``(3,)`` of a camera that looks along -Z with +Y
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.asset import reading
@@ -20,11 +22,8 @@ _NAMES = ("V0", "V1", "F", "C", "eye", "fov", "bg", "W", "H")
 
 def read_benchmark(path: Path) -> tuple[Scene, int, int]:
     """Read the scene and its width and height in pixels."""
-    with reading(path, "benchmark"), np.load(path, allow_pickle=False) as stored:
-        missing = [name for name in _NAMES if name not in stored]
-        if missing:
-            raise SceneError(f"has no array {', '.join(missing)}; it needs {', '.join(_NAMES)}")
-        arrays = {name: stored[name] for name in _NAMES}
+    with reading(path, "benchmark"):
+        arrays = _arrays(path)
         mesh = Mesh(
             positions=np.stack([arrays["V0"], arrays["V1"]]).astype(np.float64),
             faces=arrays["F"],
@@ -41,3 +40,12 @@ def read_benchmark(path: Path) -> tuple[Scene, int, int]:
             name=path.stem,
         )
         return scene, int(arrays["W"]), int(arrays["H"])
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+    # NumPy leaves a file open that it opened itself and could not read.
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+        missing = [name for name in _NAMES if name not in stored]
+        if missing:
+            raise SceneError(f"has no array {', '.join(missing)}; it needs {', '.join(_NAMES)}")
+        return {name: stored[name] for name in _NAMES}

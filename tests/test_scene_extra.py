@@ -1,0 +1,40 @@
+"""The models and benchmarks that lie beside a checkout of the maintainers.
+
+Extra: they are not part of the repository, so these tests exist only where the files do. What they
+check is covered by files that the other tests make.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mbinterval.scene.exposure import expose
+from mbinterval.scene.load import load
+
+SHARED = Path(__file__).parents[2] / "shared"
+KINDS = (".glb", ".gltf", ".obj", ".ply")
+MODELS = sorted(p for p in SHARED.glob("assets/*/*") if p.suffix in KINDS)
+BENCHMARKS = sorted(p for p in SHARED.glob("benchmark/*.npz") if "reference" not in p.name)
+
+if MODELS:
+
+    @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.name)
+    def test_model(path):
+        scene = load(path)
+        exposure = expose(scene, 3.0, 4 / 3)
+        assert exposure.meshes
+        assert any(np.ptp(mesh.positions) > 0 for mesh in exposure.meshes)
+
+
+if BENCHMARKS:
+
+    @pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.name)
+    def test_benchmark(path):
+        (mesh,) = expose(load(path), 0.0, 4 / 3).meshes
+        with np.load(path) as stored:
+            np.testing.assert_array_equal(mesh.positions[0], stored["V0"])
+            np.testing.assert_array_equal(mesh.positions[1], stored["V1"])
+            np.testing.assert_array_equal(mesh.face_color, stored["C"])
