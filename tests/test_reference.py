@@ -5,15 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from closed_forms import (
-    UNIT_CAMERA,
-    overlap,
-    pivot_time,
     rectangle,
     scene,
     slab,
-    slab_pixel_coverage,
-    slab_times,
-    world,
 )
 from reference import exact, triangulated
 from reference.hits import barycentrics, static_intervals
@@ -24,8 +18,7 @@ from reference.visibility import exact as envelope
 from reference.visibility import limited, masked
 
 from mbinterval.scene.exposure import expose
-from mbinterval.scene.model import Camera, Material, Mesh, Scene
-from mbinterval.scene.tracks import Track
+from mbinterval.scene.model import Material, Mesh
 
 SIZE = (32, 16)
 
@@ -160,16 +153,13 @@ def test_an_odd_count_is_completed_when_the_triangle_passes_through_the_eye():
 
 
 def test_an_odd_count_without_a_root_drops_the_nearest_fragment():
-    points = random_points(np.random.default_rng(6), 1)
-    paths = make_paths(points)
-    some = triangulated.Fragments(
+    corners = np.array([[0.0, 0, 1], [0, 8, 1], [8, 0, 1]])
+    paths = make_paths(np.stack([corners, corners + np.array([3.0, 1, 0])])[None])
+    three = triangulated.Fragments(
         np.zeros(3, dtype=int), np.zeros(3, dtype=int), np.array([0.0, 0.4, 0.9]),
         np.array([2.0, 1.0, 3.0]), np.zeros((3, 0)),
     )  # fmt: skip
-    if np.isnan(triangulated.roots(triangulated.facing(paths, np.arange(1)))).all():
-        assert np.allclose(triangulated.complete(paths, some).tau, [0.0, 0.9])
-    else:
-        assert len(triangulated.complete(paths, some).tau) == 4
+    assert np.allclose(triangulated.complete(paths, three).tau, [0.0, 0.9])
 
 
 @pytest.mark.parametrize("method", [triangulated.intervals, exact.intervals])
@@ -251,111 +241,6 @@ def test_exact_visibility_is_the_limit_of_finer_masks():
         assert np.abs(fine.sum(0) - seen.sum(0)).max() < 8 / bits
     shifted = np.roll(seen, 1, axis=0)
     assert np.sqrt(np.mean((fine - shifted) ** 2)) > 1e-2
-
-
-def slab_image(speed: tuple[float, float], start=(3.25, 9.25), **options) -> np.ndarray:
-    mesh = slab(rectangle(*start, -1, 17), speed, 2.0, SIZE)
-    return render(exposed([mesh]), *SIZE, **options).rgba[8, :, 3]
-
-
-@pytest.mark.parametrize("speed", [13.0, -13.0, 0.7, 200.0])
-@pytest.mark.parametrize("paths", ["triangulated", "exact"])
-def test_a_sliding_slab_covers_each_sample_for_its_closed_form_time(speed, paths):
-    x = np.arange(32) + 0.5
-    t0, t1 = slab_times(x, 3.25, 9.25, speed)
-    assert slab_image((speed, 0), bits=None, paths=paths) == pytest.approx(t1 - t0, abs=1e-9)
-    t0, t1 = slab_times(x, 3.25 + 0.01 * speed, 9.25 + 0.01 * speed, speed)
-    assert np.abs(slab_image((speed, 0), bits=None) - (t1 - t0)).max() > 5e-3
-
-
-@pytest.mark.parametrize("bits", [32, 128])
-def test_a_mask_counts_the_bit_centres_within_the_closed_form_time(bits):
-    t0, t1 = slab_times(np.arange(32) + 0.5, 3.25, 9.25, 13.0)
-    centres = (np.arange(bits) + 0.5)[:, None] / bits
-    want = ((t0 <= centres) & (centres < t1)).mean(axis=0)
-    assert slab_image((13.0, 0), bits=bits) == pytest.approx(want, abs=1e-12)
-
-
-def test_many_samples_converge_to_the_closed_form_over_the_pixel():
-    offsets = np.stack([(np.arange(64) + 0.5) / 64, np.full(64, 0.5)], axis=1)
-    want = slab_pixel_coverage(np.arange(32), 3.25, 9.25, 13.0)
-    got = slab_image((13.0, 0), bits=None, offsets=offsets)
-    assert got == pytest.approx(want, abs=2e-5)
-    shifted = slab_pixel_coverage(np.arange(32), 3.25 + 0.13, 9.25 + 0.13, 13.0)
-    assert np.abs(got - shifted).max() > 5e-3
-
-
-@pytest.mark.parametrize("segments", [1, 3])
-def test_two_slabs_in_opposite_directions_hide_each_other_exactly(segments):
-    front = slab(rectangle(2.25, 8.25, -1, 17), (17, 0), 2.0, SIZE, (1, 0, 0), segments)
-    back = slab(rectangle(20.25, 28.25, -1, 17), (-19, 0), 3.0, SIZE, (0, 1, 0))
-    image = render(exposed([back, front], (0, 0, 0.5)), *SIZE, bits=None).rgba[3]
-    x = np.arange(32) + 0.5
-    a, b = slab_times(x, 2.25, 8.25, 17), slab_times(x, 20.25, 28.25, -19)
-    red, green = a[1] - a[0], b[1] - b[0] - overlap(a, b)
-    assert image[:, 0] == pytest.approx(red, abs=1e-9)
-    assert image[:, 1] == pytest.approx(green, abs=1e-9)
-    assert image[:, 2] == pytest.approx(0.5 * (1 - red - green), abs=1e-9)
-    assert np.any(overlap(a, b) > 0.1)
-
-
-def test_a_slab_behind_a_slit_is_seen_through_the_slit_only():
-    moving = slab(rectangle(2.25, 8.25, -1, 17), (17, 0), 3.0, SIZE, (0, 1, 0))
-    walls = [
-        slab(rectangle(*ends, -1, 17), (0, 0), 2.0, SIZE, (0.25, 0.25, 0.25))
-        for ends in ((-1, 10), (14, 33))
-    ]
-    image = render(exposed([moving, *walls]), *SIZE, bits=None).rgba[5]
-    x = np.arange(32) + 0.5
-    t0, t1 = slab_times(x, 2.25, 8.25, 17)
-    open_ = (x > 10) & (x < 14)
-    assert image[:, 1] == pytest.approx(np.where(open_, t1 - t0, 0.25), abs=1e-9)
-    assert image[:, 3] == pytest.approx(np.where(open_, t1 - t0, 1.0), abs=1e-9)
-
-
-def pivoting(size: tuple[int, int]) -> tuple[Scene, np.ndarray]:
-    """A big triangle that turns about a corner, and when its leading edge meets the samples."""
-    pivot, start, end = np.array([-20.0, 8.0]), np.array([90.0, 2.0]), np.array([90.0, 15.0])
-    low = np.array([-20.0, 400.0])
-    corners = np.array([[pivot, low, start], [pivot, low, end]])
-    mesh = Mesh(positions=world(corners, 2.0, size), faces=[[0, 1, 2]], shading="unlit")
-    x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
-    return scene([mesh]), pivot_time(np.stack([x, y], -1), pivot, start, end)
-
-
-def test_exact_paths_meet_the_closed_form_of_a_pivoting_edge():
-    turning, time = pivoting(SIZE)
-    covered = np.clip(time, 0, 1)
-    assert np.count_nonzero((time > 0.01) & (time < 0.99)) > 100
-    frozen = expose(turning, 0, 2.0)
-    image = render(frozen, *SIZE, bits=None, paths="exact")
-    assert image.rgba[..., 3] == pytest.approx(covered, abs=1e-9)
-    assert np.abs(image.rgba[..., 3] - np.clip(time + 0.01, 0, 1)).max() > 5e-3
-    ours = render(frozen, *SIZE, bits=None).rgba[..., 3]
-    error = np.abs(ours - covered)[(time > 0) & (time < 1)]
-    assert 0.005 < error.mean() < 0.2
-    assert error.max() <= 0.5
-
-
-def test_motion_segments_join_without_gap_or_overlap():
-    single = slab_image((13.0, 0), bits=None)
-    mesh = slab(rectangle(3.25, 9.25, -1, 17), (13, 0), 2.0, SIZE, segments=5)
-    many = render(exposed([mesh]), *SIZE, bits=None).rgba[8, :, 3]
-    assert many == pytest.approx(single, abs=1e-9)
-
-
-def test_a_moving_camera_moves_what_rests():
-    rest = slab(rectangle(8, 20, -1, 17), (0, 0), 2.0, SIZE)
-    moved = world(np.array([[0.0, 0], [6.0, 0]]), 2.0, SIZE)
-    shift = moved[1] - moved[0]
-    camera = Camera(
-        position=Track([-0.25, 0.25], [[0.0, 0, 0], -shift]), focal_length=UNIT_CAMERA.focal_length
-    )
-    frozen = expose(Scene(meshes=[rest], camera=camera), 0, 2.0)
-    assert paths_of(frozen, *SIZE).segments.tolist() == [1, 1]
-    image = render(frozen, *SIZE, bits=None).rgba[8, :, 3]
-    t0, t1 = slab_times(np.arange(32) + 0.5, 8, 20, 6.0)
-    assert image == pytest.approx(t1 - t0, abs=1e-9)
 
 
 def test_single_sided_material_culls_in_the_render():

@@ -173,7 +173,7 @@ def test_envelope_holds_the_nearest_at_random_moments():
 def test_depth_along_an_interval_is_rational_and_crosses_more_than_once():
     rng = np.random.default_rng(4)
     points = np.concatenate(
-        [rng.normal(0, 6, (4000, 2, 3, 2)) + 0.0, rng.uniform(1, 1.6, (4000, 2, 3, 1))], axis=-1
+        [rng.normal(0, 6, (30000, 2, 3, 2)), rng.uniform(1, 1.6, (30000, 2, 3, 1))], axis=-1
     )
     points[..., :2] = (points[..., :2] + CENTRE) * points[..., 2:]
     found = exact.intervals(make_paths(points), Points(np.array([CENTRE])))
@@ -183,9 +183,17 @@ def test_depth_along_an_interval_is_rational_and_crosses_more_than_once():
     )
     first, second = first[overlap > 0.01], second[overlap > 0.01]
     pair, time = found.crossings(first, second)
-    assert len(pair) > 20
+    crossed, times = np.unique(pair, return_counts=True)
+    assert len(pair) > 100
+    assert np.count_nonzero(times > 1) > 5
     gap = found.depth(first[pair], time) - found.depth(second[pair], time)
     assert np.abs(gap).max() < 1e-9
+    for index in [*crossed[times > 1][:20], *crossed[:20]]:
+        i, j = first[index], second[index]
+        truth = rational.depth_crossings(points[found.path[i]], points[found.path[j]], *CENTRE)
+        low, high = max(found.t[i, 0], found.t[j, 0]), min(found.t[i, 1], found.t[j, 1])
+        truth = [float(t) for t in truth if low < t < high]
+        assert np.sort(time[pair == index]) == pytest.approx(truth, abs=1e-9)
 
 
 def test_bernstein_roots_find_what_was_put_in():

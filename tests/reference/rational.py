@@ -67,14 +67,11 @@ def covered(
     """
     vertices = [_shifted(points[:, k], Fraction(x), Fraction(y)) for k in range(3)]
     pairs = [(vertices[(k + 1) % 3], vertices[(k + 2) % 3]) for k in range(3)]
-    e = [_cross(a, b, 0, 1) for a, b in pairs]
     decided = [
         next((p for p in (_cross(a, b, i, j) for i, j in ((0, 1), (1, 2), (2, 0))) if any(p)), [0])
         for a, b in pairs
     ]
-    d, total = [Fraction(0)], [Fraction(0)]
-    for p, vertex in zip(e, vertices, strict=True):
-        d, total = add(d, multiply(p, vertex[2])), add(total, p)
+    d, total = _depth(points, Fraction(x), Fraction(y))
     stops = {Fraction(0), Fraction(1)}
     for p in (*decided, d):
         stops.update(sign_changes([Fraction(c) for c in p], Fraction(0), Fraction(1)))
@@ -91,6 +88,25 @@ def covered(
         else:
             found.append((low, high, side))
     return found
+
+
+def depth_crossings(a: np.ndarray, b: np.ndarray, x: float, y: float) -> list[Fraction]:
+    """Local times in [0, 1] at which two paths ``(2, 3, 3)`` are equally deep on the sample.
+
+    Roots of d_a E_b - d_b E_a, wherever the paths are; whether they cover it is not asked.
+    """
+    (d_a, e_a), (d_b, e_b) = (_depth(points, Fraction(x), Fraction(y)) for points in (a, b))
+    return sign_changes(add(multiply(d_a, e_b), multiply(d_b, e_a), -1), Fraction(0), Fraction(1))
+
+
+def _depth(points: np.ndarray, x: Fraction, y: Fraction) -> tuple[Polynomial, Polynomial]:
+    """d = sum e_i w_i and E = sum e_i; the depth is d / E."""
+    vertices = [_shifted(points[:, k], x, y) for k in range(3)]
+    d, total = [Fraction(0)], [Fraction(0)]
+    for k, vertex in enumerate(vertices):
+        e = _cross(vertices[(k + 1) % 3], vertices[(k + 2) % 3], 0, 1)
+        d, total = add(d, multiply(e, vertex[2])), add(total, e)
+    return d, total
 
 
 def _shifted(ends: np.ndarray, x: Fraction, y: Fraction) -> list[Polynomial]:
