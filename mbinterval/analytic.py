@@ -254,7 +254,7 @@ def _workers_that_fit(runtime: Runtime, capacity: int, workers: int) -> int:
 
 def _packed(kinds: str, *values: Any) -> NDArray[np.void]:
     """Pack a small argument record of 4-byte numbers: i, I or f each."""
-    fields = [
-        (f"f{i}", f"{'f' if kind == 'f' else 'iu'[kind == 'I']}4") for i, kind in enumerate(kinds)
-    ]
-    return np.array([values], dtype=np.dtype(fields))[0]
+    types = {"i": "i4", "I": "u4", "f": "f4"}
+    record = np.zeros(1, [(f"value{i}", types[kind]) for i, kind in enumerate(kinds)])
+    record[0] = values
+    return record

@@ -34,14 +34,14 @@ static int2 touched_columns(global const Shape *shape, Grid grid, int row)
 static void bin_chunk(global const Shape *shapes, Grid grid, uint chunk, global uint *place,
                       global uint *entries)
 {
-    uint first = chunk * grid.chunk, end = min(first + grid.chunk, grid.paths);
-    for (uint i = first; i < end; i++) {
+    uint begin = chunk * grid.chunk, end = min(begin + grid.chunk, grid.paths);
+    for (uint i = begin; i < end; i++) {
         global const Shape *shape = shapes + i;
         if (shape->flags & SHAPE_CULLED) continue;
-        float low = fmax((shape->y_min - grid.y) / grid.size, 0.0f);
-        float high = fmin((shape->y_max - grid.y) / grid.size, grid.rows - 1.0f);
-        if (!(low <= high)) continue;
-        for (int row = (int)low; row <= (int)high; row++) {
+        float low = floor((shape->y_min - grid.y) / grid.size);
+        float high = floor((shape->y_max - grid.y) / grid.size);
+        int first_row = (int)fmax(low, 0.0f), last_row = (int)fmin(high, grid.rows - 1.0f);
+        for (int row = first_row; row <= last_row; row++) {
             int2 touched = touched_columns(shape, grid, row);
             for (int column = touched.x; column <= touched.y; column++) {
                 uint at = place[row * grid.columns + column]++;

@@ -104,6 +104,18 @@ static void facing_over_time(const double3 *q, Shape *shape)
     for (int i = 0; i < 3; i++) shape->facing[i + 1] = i < count ? (float)roots[i] : INFINITY;
 }
 
+// Order of moving vertices by position, at the start and then at the end (Akenine-Möller et al. 2007,
+// 3.3.2): the same for every face at an edge, whatever the order of its vertices.
+static bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
+{
+    if (p0.x != q0.x) return p0.x < q0.x;
+    if (p0.y != q0.y) return p0.y < q0.y;
+    if (p0.z != q0.z) return p0.z < q0.z;
+    if (p1.x != q1.x) return p1.x < q1.x;
+    if (p1.y != q1.y) return p1.y < q1.y;
+    return p1.z < q1.z;
+}
+
 static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided, Shape *shape)
 {
     double3 q[6];
@@ -124,9 +136,14 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     facing_over_time(q, shape);
     if (single_sided && shape->facing[0] < 0.0f && shape->facing[1] > 1.0f)
         shape->flags |= SHAPE_CULLED;
-    for (int side = 0; side < 3 && path.step != 0; side++) {
+    for (int side = 0; side < 3; side++) {
         int p = side, r = (side + 1) % 3;
-        if (edge_crosses(q[p], q[r], q[p + 3], q[r + 3], shape->crossing + 2 * side))
+        if (comes_before(q[r], q[r + 3], q[p], q[p + 3])) {
+            shape->flags |= SHAPE_REVERSED << side;
+            p = r, r = side;
+        }
+        if (path.step != 0
+            && edge_crosses(q[p], q[r], q[p + 3], q[r + 3], shape->crossing + 2 * side))
             shape->flags |= SHAPE_CROSSED << side;
     }
 }

@@ -34,8 +34,8 @@ static inline float depth_at(Interval i, float t)
     return i.w0 + (i.w1 - i.w0) * ((t - i.t0) / (i.t1 - i.t0));
 }
 
-// Rank by least depth, ties by place in the list, which is canonical: descending path, then time.
-// Counts for 16 at a time how many come before each.
+// Rank by least depth, ties by path: later in the list, which paths entered at its head. Counts for
+// 16 at a time how many come before each.
 static void rank_segments(Ranked r, global const Interval *list, int count)
 {
     for (int i = 0; i < count; i++) r.w0[i] = least_depth(list[i]);
@@ -44,7 +44,7 @@ static void rank_segments(Ranked r, global const Interval *list, int count)
         LaneMask place = first + convert_int16(LANE_INDEX), rank = 0;
         for (int k = 0; k < count; k++) {
             Lanes other = r.w0[k];
-            rank -= (other < key) | ((other == key) & (k < place));
+            rank -= (other < key) | ((other == key) & (k > place));
         }
         vstore16(rank, 0, r.taken + first);
     }
@@ -197,9 +197,9 @@ static bool sort_sample(Tile *tile, Run *run)
         if (!split_crossings(tile, r, list, count)) return false;
         count = (int)(tile->sorted_count - start);
         if (2u * count > tile->capacity - start) return false;
-        // The pieces move behind the place of their sorted order.
+        // The pieces move behind the place of their sorted order, last first, as paths are listed.
         from = tile->sorted + start + count;
-        for (int i = 0; i < count; i++) from[i] = tile->sorted[start + i];
+        for (int i = 0; i < count; i++) from[i] = tile->sorted[start + count - 1 - i];
         rank_segments(r, from, count);
         wrong = check_order(r, count);
     }

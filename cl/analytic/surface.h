@@ -58,26 +58,28 @@ static void set_corner(Surface *s, int i, double3 p)
     s->w_low[i] = (float)(p.z - s->w[i]);
 }
 
-// The point of side s, and for a crossed side what part of each edge leads to it.
+// The point of side s, and for a crossed side what part of each edge leads to it. The edge's two
+// corners are taken in order of position, so that both faces at an edge find the same bits.
 static void set_side_point(Surface *surface, global const Shape *shape, int s)
 {
-    int r = (s + 1) % 3;
-    double3 p0 = corner_position(surface, s), q0 = corner_position(surface, r);
-    double3 p1 = corner_position(surface, s + 3), q1 = corner_position(surface, r + 3);
+    bool reversed = shape->flags / SHAPE_REVERSED >> s & 1u;
+    int p = reversed ? (s + 1) % 3 : s, q = reversed ? s : (s + 1) % 3;
+    double3 p0 = corner_position(surface, p), q0 = corner_position(surface, q);
+    double3 p1 = corner_position(surface, p + 3), q1 = corner_position(surface, q + 3);
     if (!(surface->crossed >> s & 1u)) {
         set_corner(surface, 6 + s, 0.25 * ((p0 + q0) + (p1 + q1)));
         return;
     }
-    surface->place[s][0] = shape->crossing[2 * s];
-    surface->place[s][1] = shape->crossing[2 * s + 1];
     double on_start = shape->crossing[2 * s], on_end = shape->crossing[2 * s + 1];
     double3 start = p0 + on_start * (q0 - p0), end = p1 + on_end * (q1 - p1);
     set_corner(surface, 6 + s, 0.5 * (start + end));
     double up = 0.5 * (1.0 + end.z / start.z), down = 0.5 * (1.0 + start.z / end.z);
-    surface->along[s][0] = (float)(up * on_start);
-    surface->along[s][1] = (float)(up * (1.0 - on_start));
-    surface->along[s][2] = (float)(down * (1.0 - on_end));
-    surface->along[s][3] = (float)(down * on_end);
+    float at_p0 = (float)(up * on_start), at_q0 = (float)(up * (1.0 - on_start));
+    float at_p1 = (float)(down * on_end), at_q1 = (float)(down * (1.0 - on_end));
+    surface->along[s][0] = reversed ? at_q0 : at_p0, surface->along[s][1] = reversed ? at_p0 : at_q0;
+    surface->along[s][2] = reversed ? at_p1 : at_q1, surface->along[s][3] = reversed ? at_q1 : at_p1;
+    surface->place[s][0] = (float)(reversed ? 1.0 - on_start : on_start);
+    surface->place[s][1] = (float)(reversed ? 1.0 - on_end : on_end);
 }
 
 static void load_surface(global const Vertex *vertices, Path path, global const Shape *shape,

@@ -94,7 +94,8 @@ typedef struct {
     float b[MAX_PLANES];
     float y_min, y_max; // bounds on screen, infinite where the path reaches behind the eye
     float facing[4];    // 1 (front) or -1 at the start, then the times at which that changes
-    float crossing[6];  // for side i: place of the crossing on its start and on its end
+    float crossing[6];  // for side i: place of the crossing on its start and on its end, counted
+                        // from the end of the edge that comes first by position
     uint planes;
     uint flags;         // SHAPE_*
     float scale;        // power of two that brings w near 1
@@ -104,6 +105,7 @@ typedef struct {
 #define SHAPE_CULLED 1u   // can't be seen at all
 #define SHAPE_BEHIND 2u   // reaches behind the eye
 #define SHAPE_CROSSED 4u  // bit of side 0; sides 1 and 2 follow
+#define SHAPE_REVERSED 32u // likewise: the side's second corner comes first by position
 
 // A fragment: where one triangle of a path's surface is hit (Hong & Oh 2017, 4.3).
 typedef struct {

@@ -16,6 +16,7 @@ is inspected through /proc/self/mem, where a wrong guess is an error code and no
 from __future__ import annotations
 
 import ctypes
+import itertools
 import logging
 import os
 import struct
@@ -80,7 +81,7 @@ def _cpu_slot(record: int) -> int | None:
             return memory.read(size)
 
         words = struct.unpack(f"<{_RECORD_BYTES // 8}Q", read(record, _RECORD_BYTES))
-        for index, (triple, cpu) in enumerate(zip(words, words[1:], strict=False)):
+        for index, (triple, cpu) in enumerate(itertools.pairwise(words)):
             try:
                 if (
                     0x1000 < triple < 1 << 47
