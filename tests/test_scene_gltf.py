@@ -362,6 +362,10 @@ def break_accessor(gltf):
     gltf.json["accessors"][0]["count"] = 10**7
 
 
+def break_view(gltf):
+    gltf.json["bufferViews"][0].update(byteOffset=-36)
+
+
 def break_index(gltf):
     gltf.json["nodes"][0]["mesh"] = -1
 
@@ -379,7 +383,7 @@ def break_version(gltf):
 
 
 @pytest.mark.parametrize(
-    "damage", [break_accessor, break_index, break_cycle, break_type, break_version]
+    "damage", [break_accessor, break_view, break_index, break_cycle, break_type, break_version]
 )
 def test_damaged_documents_are_scene_errors(tmp_path, damage):
     gltf = Gltf()

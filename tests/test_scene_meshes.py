@@ -70,6 +70,15 @@ def test_obj_without_normals_gets_none(tmp_path):
     assert areas[:, 2].sum() / 2 == pytest.approx(1.5)
 
 
+def test_text_files_in_an_8_bit_code(obj):
+    plain = by_material(load(obj))["red"]
+    for path in (obj, obj.parent / "m.mtl"):
+        path.write_bytes(b"# caf\xe9\n" + path.read_bytes().replace(b"red", b"r\xf6d"))
+    read = by_material(load(obj))["r\xf6d"]
+    np.testing.assert_array_equal(read.positions, plain.positions)
+    assert read.material.base_color == plain.material.base_color
+
+
 @pytest.mark.parametrize("name", ["t.png", "m.mtl"])
 def test_a_missing_texture_or_library_is_noted_with_the_path_tried(obj, name):
     assert load(obj).notes == ()
@@ -145,8 +154,9 @@ def test_broken_mesh_files_are_scene_errors(tmp_path):
     (tmp_path / "c.obj").write_text("v 0 0 0\nv 1 0 0\nf 1 2 9\n")
     (tmp_path / "d.xyz").write_text("0 0 0\n1 1 1\n")
     for path in sorted(tmp_path.iterdir()):
-        with pytest.raises(SceneError, match=path.name):
+        with pytest.raises(SceneError, match=path.name) as caught:
             load(path)
+        assert "module" not in str(caught.value)
 
 
 def volume(mesh):

@@ -40,6 +40,9 @@ def reading(path: Path, what: str) -> Iterator[None]:
         raise SceneError(f"{path}: does not fit into memory, or claims a size that can't") from None
     except FileNotFoundError as error:
         raise SceneError(f"{path}: file not found: tried {error.filename}; put it there") from None
+    except ImportError:
+        # trimesh asks for a package that guesses encodings where it takes binary data for text.
+        raise SceneError(f"{path}: not a readable {what} file; export it again") from None
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error.strerror or error})") from None
     except Exception as error:

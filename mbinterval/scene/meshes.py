@@ -8,6 +8,7 @@ of an OBJ material is linear already.
 from __future__ import annotations
 
 import dataclasses
+import io
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +35,13 @@ def read_mesh_file(path: Path, root: Transform | None = None) -> Asset:
         known = ", ".join(sorted(trimesh.available_formats()))
         raise SceneError(f"{path}: meshes of kind {kind!r} can't be read; known: {known}")
     with reading(path, kind.upper()):
-        resolver = _recording_resolver(path)
-        with path.open("rb") as stream:
-            loaded = trimesh.load_scene(stream, file_type=kind, resolver=resolver, process=False)
+        data, resolver = path.read_bytes(), _recording_resolver(path)
+        loaded = trimesh.load_scene(
+            io.BytesIO(_utf8(data) if kind in ("obj", "off") else data),
+            file_type=kind,
+            resolver=resolver,
+            process=False,
+        )
         notes = _missing_notes(path, resolver.missing)
         materials: dict[int, Material] = {}
         meshes = tuple(
@@ -60,14 +65,24 @@ def _recording_resolver(path: Path) -> Any:
 
         def get(self, name: str) -> Any:
             try:
-                return super().get(name)
+                data = super().get(name)
             except (OSError, ValueError):
                 self.missing.append(name)
                 raise
+            return _utf8(data) if name.lower().endswith(".mtl") else data
 
     resolver = RecordingResolver(str(path))
     resolver.missing = []
     return resolver
+
+
+def _utf8(text: bytes) -> bytes:
+    """Text files of old exporters, in whatever 8-bit code: only names and comments can differ."""
+    try:
+        text.decode("utf-8")
+    except UnicodeDecodeError:
+        return text.decode("latin-1").encode("utf-8")
+    return text
 
 
 def _missing_notes(path: Path, missing: list[str]) -> tuple[str, ...]:
