@@ -2,7 +2,7 @@
 // nearest static surface; it bounds the depth of everything that moves.
 #include "analytic/walk.h"
 
-// Corners of a static triangle relative to a row: shifted x is found per sample.
+// Corners of a static triangle as float pairs.
 typedef struct {
     float x[3], y[3], w[3], x_low[3], y_low[3], w_low[3];
 } Triangle;
@@ -12,9 +12,10 @@ static void load_triangle(global const Vertex *vertices, Path path, float scale,
     uint corner[3] = {path.a, path.b, path.c};
     for (int i = 0; i < 3; i++) {
         Vertex v = vertices[corner[i]];
-        triangle->x[i] = scale * v.x, triangle->x_low[i] = scale * v.x_low;
-        triangle->y[i] = scale * v.y, triangle->y_low[i] = scale * v.y_low;
-        triangle->w[i] = scale * v.w, triangle->w_low[i] = scale * v.w_low;
+        double x = scale * v.x, y = scale * v.y, w = scale * v.w;
+        triangle->x[i] = (float)x, triangle->x_low[i] = (float)(x - triangle->x[i]);
+        triangle->y[i] = (float)y, triangle->y_low[i] = (float)(y - triangle->y[i]);
+        triangle->w[i] = (float)w, triangle->w_low[i] = (float)(w - triangle->w[i]);
     }
 }
 

@@ -15,7 +15,7 @@ static double dot_product(double3 a, double3 b) { return a.x * b.x + a.y * b.y +
 
 static double3 load_vertex(global const Vertex *v)
 {
-    return (double3)((double)v->x + v->x_low, (double)v->y + v->y_low, (double)v->w + v->w_low);
+    return (double3)(v->x, v->y, v->w);
 }
 
 // World positions to homogeneous pixel space, relative to the eye before anything is rounded.
@@ -28,13 +28,8 @@ kernel void vertices(global const VertexJob *jobs, global const double *position
     for (uint i = 0; i < job.count; i++) {
         global const double *p = positions + 3 * ((size_t)job.input + i);
         double x = p[0] - camera.eye[0], y = p[1] - camera.eye[1], z = p[2] - camera.eye[2];
-        double px = m[0] * x + m[1] * y + m[2] * z;
-        double py = m[3] * x + m[4] * y + m[5] * z;
-        double pw = m[6] * x + m[7] * y + m[8] * z;
-        Vertex v;
-        v.x = (float)px, v.y = (float)py, v.w = (float)pw, v.unused = 0.0f;
-        v.x_low = (float)(px - v.x), v.y_low = (float)(py - v.y), v.w_low = (float)(pw - v.w);
-        v.unused_low = 0.0f;
+        Vertex v = {m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z,
+                    m[6] * x + m[7] * y + m[8] * z, 0.0};
         output[job.output + i] = v;
     }
 }

@@ -36,6 +36,7 @@ constant uchar FACE_CORNERS[FACES][3] = {
 
 constant float CORNER_TIME[CORNERS] = {0.0f, 0.0f, 0.0f, 1.0f, 1.0f, 1.0f, 0.5f, 0.5f, 0.5f};
 
+// Coordinates are float pairs: value = high + low.
 typedef struct {
     float x[CORNERS], y[CORNERS], w[CORNERS];
     float x_low[CORNERS], y_low[CORNERS], w_low[CORNERS];
@@ -86,12 +87,9 @@ static void load_surface(global const Vertex *vertices, Path path, global const 
                          Surface *surface)
 {
     uint corner[3] = {path.a, path.b, path.c};
-    float scale = shape->scale;
     for (int i = 0; i < 6; i++) {
         Vertex v = vertices[corner[i % 3] + (i < 3 ? 0u : path.step)];
-        surface->x[i] = scale * v.x, surface->x_low[i] = scale * v.x_low;
-        surface->y[i] = scale * v.y, surface->y_low[i] = scale * v.y_low;
-        surface->w[i] = scale * v.w, surface->w_low[i] = scale * v.w_low;
+        set_corner(surface, i, shape->scale * (double3)(v.x, v.y, v.w));
     }
     surface->crossed = shape->flags / SHAPE_CROSSED & 7u;
     for (int s = 0; s < 3; s++) set_side_point(surface, shape, s);

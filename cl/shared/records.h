@@ -3,10 +3,9 @@
 #ifndef MB_RECORDS_H
 #define MB_RECORDS_H
 
-// A vertex in homogeneous pixel space, (X w, Y w, w), as float pairs: value = high + low.
+// A vertex in homogeneous pixel space, (X w, Y w, w).
 typedef struct {
-    float x, y, w, unused;
-    float x_low, y_low, w_low, unused_low;
+    double x, y, w, unused;
 } Vertex;
 
 // Vertices that are transformed alike: one mesh at one time of the shutter, or a part of it.

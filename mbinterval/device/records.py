@@ -9,10 +9,7 @@ import numpy as np
 
 _MAX_PLANES = 8
 
-VERTEX = np.dtype(
-    [("x", "f4"), ("y", "f4"), ("w", "f4"), ("unused", "f4")]
-    + [("x_low", "f4"), ("y_low", "f4"), ("w_low", "f4"), ("unused_low", "f4")]
-)
+VERTEX = np.dtype([("x", "f8"), ("y", "f8"), ("w", "f8"), ("unused", "f8")])
 VERTEX_JOB = np.dtype([("input", "u4"), ("output", "u4"), ("count", "u4"), ("camera", "u4")])
 CAMERA = np.dtype([("eye", "f8", 3), ("matrix", "f8", 9), ("inverse", "f8", 9)])
 PATH = np.dtype(
