@@ -66,17 +66,16 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     pools = {name: _Pool(size) for name, size in _ATTRIBUTE_SIZES.items()}
     table = np.zeros(len(meshes), records.MESH)
     jobs, paths = [], []
-    first = vertex = face = 0
+    first = vertex = 0
     for index, mesh in enumerate(meshes):
         row, camera = table[index], camera_index[mesh.segments]
         row["vertex"], row["count"] = vertex, mesh.positions.shape[1]
         row["camera"], row["material"] = camera, material_index[id(_material(mesh))]
-        _add_attributes(row, mesh, pools, face)
+        _add_attributes(row, mesh, pools)
         jobs.append(_vertex_jobs(mesh, first, vertex, camera))
-        paths.append(_motion_paths(mesh, index, vertex, face))
+        paths.append(_motion_paths(mesh, index, vertex))
         first += mesh.positions.shape[0] * mesh.positions.shape[1]
         vertex += (mesh.segments + 1) * mesh.positions.shape[1]
-        face += len(mesh.mesh.faces)
     count = sum(map(len, paths))
     if max(count, vertex, first) > _MAX_PATHS:
         raise CapacityError(
@@ -113,7 +112,7 @@ class _Pool:
         return start
 
 
-def _add_attributes(row: Any, mesh: MeshExposure, pools: dict[str, _Pool], face: int) -> None:
+def _add_attributes(row: Any, mesh: MeshExposure, pools: dict[str, _Pool]) -> None:
     """Put the mesh's attributes into the pools and their places into its record."""
     for name, values in (("uv", mesh.uv), ("normal", mesh.normals), ("color", mesh.color)):
         row[name], row[f"{name}_step"] = records.NONE, 0
@@ -122,8 +121,7 @@ def _add_attributes(row: Any, mesh: MeshExposure, pools: dict[str, _Pool], face:
             row[f"{name}_step"] = values.shape[1] if len(values) > 1 else 0
     row["face_color"] = records.NONE
     if mesh.face_color is not None:
-        # Paths know their face in the whole scene; modulo 2**32 this may lie below zero.
-        row["face_color"] = (pools["face_color"].add(mesh.face_color) - face) % 2**32
+        row["face_color"] = pools["face_color"].add(mesh.face_color)
 
 
 def _material(mesh: MeshExposure) -> Material:
@@ -143,7 +141,7 @@ def _vertex_jobs(mesh: MeshExposure, first: int, vertex: int, camera: int) -> Re
     return jobs.ravel()
 
 
-def _motion_paths(mesh: MeshExposure, index: int, vertex: int, face: int) -> Record:
+def _motion_paths(mesh: MeshExposure, index: int, vertex: int) -> Record:
     faces, count = mesh.mesh.faces, mesh.positions.shape[1]
     segments = max(mesh.segments, 1)
     paths = np.zeros((segments, len(faces)), records.PATH)
@@ -151,7 +149,7 @@ def _motion_paths(mesh: MeshExposure, index: int, vertex: int, face: int) -> Rec
     for corner, name in enumerate("abc"):
         paths[name] = base + faces[None, :, corner]
     paths["step"] = count if mesh.segments else 0
-    paths["face"] = face + np.arange(len(faces))
+    paths["face"] = np.arange(len(faces))
     paths["mesh"] = index
     paths["open"] = (np.arange(segments) / segments)[:, None]
     paths["length"] = 1.0 / segments

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from mbinterval.scene.model import Scene
 
 _SAMPLES_AT_A_TIME = 1024
+_TIME_STAGES = {
+    "exact": ("solve", "envelope"),
+    "triangulated": ("rasterize", "intervals", "sort", "occlude"),
+}
 _POOL_RECORDS = 65536
 
 Crop = tuple[int, int, int, int]
@@ -61,6 +65,11 @@ class Plan:
     samples: int
     capacity: int
 
+    @property
+    def exact(self) -> bool:
+        """Whether depth and attributes are exact functions of time."""
+        return "-DEXACT" in self.options
+
 
 def make_plan(
     exposure: Exposure,
@@ -82,13 +91,13 @@ def make_plan(
         "LAYERS": layers,
         "STATIC_PATHS": f"{motion.static_paths}u",
     }
-    if "MOVING" in active:
+    if "MOVING" in active and "EXACT" not in active:
         sizes["MASK_BITS"] = settings.occlusion
         if settings.max_intervals is not None:
             sizes["MAX_INTERVALS"] = settings.max_intervals
     if active & {"PHONG", "TEXTURED", "VERTEX_COLOR"}:
         sizes["TEXTURE_SAMPLES"] = settings.texture_samples
-    timed = ("rasterize", "intervals", "sort", "occlude") if "MOVING" in active else ()
+    timed = _TIME_STAGES[settings.paths] if "MOVING" in active else ()
     return Plan(
         width=width,
         height=height,
@@ -124,6 +133,12 @@ def _effects(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
     image = not isinstance(exposure.background, tuple)
     return (
         Effect("motion", paths > static, f"{paths - static} motion paths{many}", "MOVING"),
+        Effect(
+            "exact in time",
+            settings.paths == "exact" or paths == static,
+            f"paths={settings.paths!r}" if paths > static else "nothing moves",
+            "EXACT",
+        ),
         Effect(
             "camera motion",
             exposure.camera_moves,

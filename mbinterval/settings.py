@@ -14,7 +14,7 @@ MASK_BITS = (32, 64, 128, 256)
 
 _CHOICES: dict[str, tuple[str, ...]] = {
     "method": ("analytic",),
-    "paths": ("triangulated",),
+    "paths": ("exact", "triangulated"),
     "pairing": ("time", "depth"),
     "pattern": ("fixed",),
     "filter": ("box",),

@@ -1,7 +1,7 @@
 // Stage "bin": which paths may touch which tile, without clipping (DESIGN.md 3.2).
 //
-// Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in ascending
-// order, in any run and on any number of threads.
+// Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in the order
+// given, in any run and on any number of threads.
 #include "shared/records.h"
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -31,12 +31,12 @@ static int2 touched_columns(global const Shape *shape, Grid grid, int row)
 }
 
 // Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
-static void bin_chunk(global const Shape *shapes, Grid grid, uint chunk, global uint *place,
-                      global uint *entries)
+static void bin_chunk(global const Shape *shapes, global const uint *order, Grid grid, uint chunk,
+                      global uint *place, global uint *entries)
 {
     uint begin = chunk * grid.chunk, end = min(begin + grid.chunk, grid.paths);
     for (uint i = begin; i < end; i++) {
-        global const Shape *shape = shapes + i;
+        global const Shape *shape = shapes + order[i];
         if (shape->flags & SHAPE_CULLED) continue;
         float low = floor((shape->y_min - grid.y) / grid.size);
         float high = floor((shape->y_max - grid.y) / grid.size);
@@ -45,18 +45,19 @@ static void bin_chunk(global const Shape *shapes, Grid grid, uint chunk, global 
             int2 touched = touched_columns(shape, grid, row);
             for (int column = touched.x; column <= touched.y; column++) {
                 uint at = place[row * grid.columns + column]++;
-                if (entries != 0) entries[at] = i;
+                if (entries != 0) entries[at] = order[i];
             }
         }
     }
 }
 
-kernel void bin_count(global const Shape *shapes, Grid grid, global uint *counts)
+kernel void bin_count(global const Shape *shapes, global const uint *order, Grid grid,
+                      global uint *counts)
 {
     uint tiles = grid.columns * grid.rows;
     global uint *place = counts + get_global_id(0) * tiles;
     for (uint i = 0; i < tiles; i++) place[i] = 0;
-    bin_chunk(shapes, grid, get_global_id(0), place, 0);
+    bin_chunk(shapes, order, grid, get_global_id(0), place, 0);
 }
 
 // Turn counts into places to write to: tile by tile, within a tile chunk by chunk. starts[tile] is
@@ -75,9 +76,9 @@ kernel void bin_scan(uint tiles, uint chunks, global uint *counts, global uint *
     starts[tiles] = total;
 }
 
-kernel void bin_file(global const Shape *shapes, Grid grid, global uint *places,
-                     global uint *entries)
+kernel void bin_file(global const Shape *shapes, global const uint *order, Grid grid,
+                     global uint *places, global uint *entries)
 {
     uint tiles = grid.columns * grid.rows;
-    bin_chunk(shapes, grid, get_global_id(0), places + get_global_id(0) * tiles, entries);
+    bin_chunk(shapes, order, grid, get_global_id(0), places + get_global_id(0) * tiles, entries);
 }

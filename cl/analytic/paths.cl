@@ -82,17 +82,25 @@ static bool edge_crosses(double3 p0, double3 q0, double3 p1, double3 q1, float *
     return true;
 }
 
-// Determinant of the three vertices over time, a cubic: below zero while the path's front faces
-// the viewer, zero when its plane passes through the eye. The sample plays no part.
-static void facing_over_time(const double3 *q, Shape *shape)
+// Depth over time. The cross products of the edges add up to one of differences, (b - a) x (c - a),
+// which is small where the triangle is.
+static Depth depth_over_time(const double3 *q)
 {
-    double3 ab0 = cross_product(q[0], q[1]), ab1 = cross_product(q[3], q[4]);
-    double3 mixed0 = cross_product(q[0], q[4]), mixed1 = cross_product(q[3], q[1]);
-    double3 ab = mixed0 + mixed1;
-    double d[4] = {
-        dot_product(ab0, q[2]), (dot_product(ab, q[2]) + dot_product(ab0, q[5])) / 3.0,
-        (dot_product(ab1, q[2]) + dot_product(ab, q[5])) / 3.0, dot_product(ab1, q[5])
+    double3 u0 = q[1] - q[0], v0 = q[2] - q[0], u1 = q[4] - q[3], v1 = q[5] - q[3];
+    double3 n0 = cross_product(u0, v0), n2 = cross_product(u1, v1);
+    double3 n1 = 0.5 * (cross_product(u0, v1) + cross_product(u1, v0));
+    Depth depth = {
+        {dot_product(q[0], n0), (dot_product(q[3], n0) + 2.0 * dot_product(q[0], n1)) / 3.0,
+         (2.0 * dot_product(q[3], n1) + dot_product(q[0], n2)) / 3.0, dot_product(q[3], n2)},
+        {n0.x, n1.x, n2.x}, {n0.y, n1.y, n2.y}, {n0.z, n1.z, n2.z}
     };
+    return depth;
+}
+
+// When the path's front faces the viewer: while the determinant d of its vertices is below zero. At
+// its zeros the triangle's plane passes through the eye. The sample plays no part.
+static void facing_over_time(const double *d, Shape *shape)
+{
     double roots[3];
     int count = bernstein_cubic_roots(d, roots);
     shape->facing[0] = bernstein_cubic_start(d) < 0.0 ? 1.0f : -1.0f;
@@ -111,9 +119,10 @@ static bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
     return p1.z < q1.z;
 }
 
-static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided, Shape *shape)
+static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided, Shape *shape,
+                          Depth *depth)
 {
-    double3 q[6];
+    double3 q[6]; // three vertices at the start, three at the end
     uint corner[3] = {path.a, path.b, path.c};
     for (int i = 0; i < 6; i++) q[i] = load_vertex(vertices + corner[i % 3] + (i < 3 ? 0 : path.step));
     double w_low = q[0].z, w_high = q[0].z;
@@ -126,9 +135,11 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     shape->flags = w_high <= 0.0 ? SHAPE_CULLED : w_low <= 0.0 ? SHAPE_BEHIND : 0u;
     shape->y_min = w_low > 0.0 ? y_min - (float)MARGIN : -INFINITY;
     shape->y_max = w_low > 0.0 ? y_max + (float)MARGIN : INFINITY;
+    shape->near = (float)fmax(w_low, 0.0) * (1.0f - 1e-6f), shape->far = (float)w_high * (1.0f + 1e-6f);
     shape->scale = (float)exp2(-floor(log2(fmax(w_high, -w_low))));
     shape->planes = bounding_planes(q, shape);
-    facing_over_time(q, shape);
+    *depth = depth_over_time(q);
+    facing_over_time(depth->d, shape);
     if (single_sided && shape->facing[0] < 0.0f && shape->facing[1] > 1.0f)
         shape->flags |= SHAPE_CULLED;
     for (int side = 0; side < 3; side++) {
@@ -147,14 +158,18 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
 
 kernel void paths(global const Vertex *vertices, global const Path *paths_in, uint count,
                   global const Mesh *meshes, global const Material *materials,
-                  global Shape *shapes)
+                  global Shape *shapes, global Depth *depths)
 {
     uint first = get_global_id(0) * PATHS_PER_ITEM;
     for (uint i = first; i < min(first + PATHS_PER_ITEM, count); i++) {
         Path path = paths_in[i];
         uint flags = materials[meshes[path.mesh].material].flags;
         Shape shape = {.flags = 0u};
-        shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shape);
+        Depth depth;
+        shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shape, &depth);
         shapes[i] = shape;
+#ifdef EXACT
+        depths[i] = depth;
+#endif
     }
 }

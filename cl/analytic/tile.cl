@@ -1,7 +1,8 @@
 // The analytic path, tile by tile. Each work-item takes tiles from a queue until it is empty and runs
 // the stages on them in order; its scratch memory stays in cache and is bounded.
 //
-//     nearest -> rasterize -> intervals -> sort -> occlude -> shade -> resolve
+//     triangulated: nearest -> rasterize -> intervals -> sort -> occlude -> shade -> resolve
+//     exact:        nearest -> solve -> envelope -> shade -> resolve
 //
 // Stages between nearest and shade exist only where something moves. Nothing is lost when a pool is
 // full: the piece of the tile at hand is done again in halves. Only when a single row of samples
@@ -10,7 +11,10 @@
 #ifdef STATIC
 #include "analytic/nearest.cl"
 #endif
-#ifdef MOVING
+#if defined(MOVING) && defined(EXACT)
+#include "analytic/solve.cl"
+#include "analytic/envelope.cl"
+#elif defined(MOVING)
 #include "analytic/rasterize.cl"
 #include "analytic/intervals.cl"
 #include "analytic/sort.cl"
@@ -19,7 +23,9 @@
 #include "analytic/shade.cl"
 #include "analytic/resolve.cl"
 
-enum { NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SHADE, RESOLVE, STAGES };
+// What a work-item counts: ticks of each stage, and pairs that were tested and hit.
+enum { NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, SHADE, RESOLVE, TESTS, HITS,
+       COUNTERS };
 
 #ifdef HAS_CYCLE_COUNTER
 #define TICKS() __builtin_readcyclecounter()
@@ -43,7 +49,10 @@ static bool render_piece(Tile *tile, global ulong *ticks)
 #ifdef STATIC
     clocked(nearest(tile), NEAREST, ticks, &clock);
 #endif
-#ifdef MOVING
+#if defined(MOVING) && defined(EXACT)
+    if (!clocked(solve(tile), SOLVE, ticks, &clock)) return false;
+    if (!clocked(envelope(tile), ENVELOPE, ticks, &clock)) return false;
+#elif defined(MOVING)
     if (!clocked(rasterize(tile), RASTERIZE, ticks, &clock)) return false;
     if (!clocked(intervals(tile), INTERVALS, ticks, &clock)) return false;
     if (!clocked(sort(tile), SORT, ticks, &clock)) return false;
@@ -105,33 +114,50 @@ kernel void tile(
     global const Texture *textures, global const float4 *texels, global const Light *lights,
     global const Camera *cameras, global const float2 *offsets, global const float *background,
     global const uint *starts, global const uint *members, global const uint *queue,
-    global uint *next, global uint *failed, global Fragment *fragments,
-    global Interval *interval_pool, global float *sorting, global Interval *sorted,
-    global Span *spans,
-    global uint *samples, global float4 *pixels, global ulong *ticks, global float4 *rgba,
-    global float *depth, global uint *met, TileGrid grid, Frame frame)
+    global uint *next, global uint *failed, global uint *samples, global float4 *pixels,
+    global ulong *counters, global float4 *rgba, global float *depth, global uint *met,
+#ifdef EXACT
+    global const Depth *depths, global Visit *visits, global Front *fronts, global Front *merged,
+#else
+    global Fragment *fragments, global Interval *interval_pool, global float *sorting,
+    global Interval *sorted,
+#endif
+    global Span *spans, TileGrid grid, Frame frame)
 {
     uint worker = get_global_id(0);
-    Tile tile;
-    Scene scene = {vertices, paths, shapes, meshes, materials, face_colors, vertex_colors, uvs,
-                   normals, textures, texels, lights, grid.light_count, cameras, offsets};
-    tile.scene = scene;
     size_t pool = (size_t)worker * grid.capacity;
-    tile.capacity = grid.capacity;
-    tile.fragments = fragments + pool, tile.intervals = interval_pool + pool;
-    tile.sorted = sorted + pool, tile.spans = spans + pool;
-    tile.sorting = sorting + (size_t)worker * SORT_ARRAYS * (grid.capacity + LANES);
     global uint *per_sample = samples + (size_t)worker * SAMPLE_WORDS * ROWS * TILE;
-    tile.heads = (global int *)per_sample;
-    tile.static_depth = (global float *)per_sample + ROWS * TILE;
-    tile.static_part = per_sample + 2 * ROWS * TILE;
-    tile.met = per_sample + 3 * ROWS * TILE;
-    tile.runs = (global Run *)(per_sample + 4 * ROWS * TILE);
-    tile.span_runs = (global Run *)(per_sample + 6 * ROWS * TILE);
-    tile.color = pixels + (size_t)worker * PIXEL_VECTORS * TILE * TILE;
+    Scene scene = {
+        .vertices = vertices, .paths = paths, .shapes = shapes, .meshes = meshes,
+        .materials = materials, .face_colors = face_colors, .vertex_colors = vertex_colors,
+        .uvs = uvs, .normals = normals, .textures = textures, .texels = texels, .lights = lights,
+        .light_count = grid.light_count, .cameras = cameras, .offsets = offsets
+    };
+    Tile tile = {
+        .capacity = grid.capacity,
+        .spans = spans + pool,
+        .heads = (global int *)per_sample,
+        .static_depth = (global float *)per_sample + ROWS * TILE,
+        .static_part = per_sample + 2 * ROWS * TILE,
+        .met = per_sample + 3 * ROWS * TILE,
+        .span_runs = (global Run *)(per_sample + 4 * ROWS * TILE),
+#ifdef EXACT
+        .tails = (global int *)(per_sample + 6 * ROWS * TILE),
+        .visits = visits + pool, .fronts = fronts + pool, .merged = merged + pool,
+#else
+        .runs = (global Run *)(per_sample + 6 * ROWS * TILE),
+        .fragments = fragments + pool, .intervals = interval_pool + pool, .sorted = sorted + pool,
+        .sorting = sorting + (size_t)worker * SORT_ARRAYS * (grid.capacity + LANES),
+#endif
+        .color = pixels + (size_t)worker * PIXEL_VECTORS * TILE * TILE
+    };
     tile.depth = (global float *)(tile.color + TILE * TILE);
     tile.count = (global uint *)(tile.depth + TILE * TILE);
-    ticks += worker * STAGES;
+#ifdef EXACT
+    scene.depths = depths;
+#endif
+    tile.scene = scene;
+    counters += worker * COUNTERS;
 
     for (uint k; (k = atomic_inc(next)) < grid.queued;) {
         uint index = queue[k];
@@ -142,11 +168,14 @@ kernel void tile(
         tile.members = members + starts[index];
         tile.member_count = starts[index + 1] - starts[index];
         tile.static_count = count_static(&tile);
-        bool done = render_tile(&tile, ticks);
+        bool done = render_tile(&tile, counters);
         failed[index] = !done;
         if (!done) continue;
         ulong clock = TICKS();
         resolve(&tile, frame, background, rgba, depth, met);
-        clocked(true, RESOLVE, ticks, &clock);
+        clocked(true, RESOLVE, counters, &clock);
     }
+#ifdef EXACT
+    counters[TESTS] += tile.tests, counters[HITS] += tile.hits;
+#endif
 }

@@ -7,7 +7,7 @@
 //
 // The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
 // time), MASK_BITS, TEXTURE_SAMPLES, STATIC_PATHS (the first paths, which do not move), and a macro
-// for each effect that the scene calls for: MOVING, STATIC, SINGLE_SIDED, PHONG, TEXTURED,
+// for each effect that the scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG, TEXTURED,
 // VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, MAX_INTERVALS.
 #ifndef MB_TILE_H
 #define MB_TILE_H
@@ -26,6 +26,7 @@ typedef struct {
     global const Vertex *vertices;
     global const Path *paths;
     global const Shape *shapes;
+    global const Depth *depths;        // exact paths only
     global const Mesh *meshes;
     global const Material *materials;
     global const float *face_colors;   // three per face
@@ -50,15 +51,24 @@ typedef struct {
     global const uint *members;  // paths that may touch the tile, ascending
     uint member_count, static_count;
     uint capacity;               // records that each pool holds
+    global int *heads;           // first fragment or visit of each sample
+#ifdef EXACT
+    global Visit *visits;        // pool
+    uint visit_count;
+    global int *tails;           // last visit of each sample
+    global Front *fronts;        // pool: envelopes of the sample at hand
+    global Front *merged;        // pool: scratch
+    ulong tests, hits;           // (path, sample) pairs that were solved, and that gave an interval
+#else
     global Fragment *fragments;  // pool
     uint fragment_count;
-    global int *heads;           // first fragment of each sample
     global Interval *intervals;  // pool
     uint interval_count;
     global Run *runs;            // intervals of each sample
     global float *sorting;       // scratch of the sort: SORT_ARRAYS of capacity + LANES
     global Interval *sorted;     // pool: intervals in depth order, split where they cross
     uint sorted_count;
+#endif
     global Span *spans;          // pool
     uint span_count;
     global Run *span_runs;       // spans of each sample

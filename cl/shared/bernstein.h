@@ -1,8 +1,7 @@
 // Roots in [0, 1] of polynomials in Bernstein form, in double precision.
 //
-// Quadratics: the citardauq form for the root that would cancel (Press et al., Numerical
-// Recipes 5.6). Higher degrees: the roots of the
-// derivative split [0, 1] into monotonic pieces, and bisection finds the root of each.
+// Cubics: the roots of the derivative split [0, 1] into monotonic pieces, and bisection finds the
+// root of each.
 #ifndef MB_BERNSTEIN_H
 #define MB_BERNSTEIN_H
 
@@ -15,21 +14,40 @@ static double bernstein_cubic(const double *b, double t)
     return s * d0 + t * d1;
 }
 
-// Roots of b0 (1-t)^2 + 2 b1 t (1-t) + b2 t^2 strictly inside (0, 1), ascending; returns how many.
-// A double root counts as none: the sign does not change there.
-static int bernstein_quadratic_roots(double b0, double b1, double b2, double *roots)
+// b1^2 - b0 b2, exact but for the last bit (Kahan).
+static double bernstein_discriminant(double b0, double b1, double b2)
 {
-    double a = (b0 - b1) - (b1 - b2), h = b1 - b0; // a t^2 + 2 h t + b0
-    double discriminant = b1 * b1 - b0 * b2;
-    if (!(discriminant > 0.0)) return 0;
-    double q = -(h + (h < 0.0 ? -1.0 : 1.0) * sqrt(discriminant));
-    double r0 = b0 / q, r1 = q / a; // q = 0 only with h = 0 and discriminant = 0
-    double low = r0 < r1 ? r0 : r1, high = r0 < r1 ? r1 : r0;
-    int count = 0;
-    if (a == 0.0) low = r0, high = INFINITY;
-    if (low > 0.0 && low < 1.0) roots[count++] = low;
-    if (high > 0.0 && high < 1.0) roots[count++] = high;
-    return count;
+    double product = b0 * b2, rest = fma(b0, b2, -product);
+    return fma(b1, b1, -product) - rest;
+}
+
+// Times strictly inside (0, 1) at which b0 (1-t)^2 + 2 b1 t (1-t) + b2 t^2 changes its sign,
+// ascending; returns how many. *negative gets its sign just after 0. A double root is no change.
+//
+// With r = t / (1-t) the roots are those of b2 r^2 + 2 b1 r + b0: a negative ratio of the ends
+// leaves one positive root, a positive one none or two. Both forms below only add what has one sign.
+static int bernstein_quadratic_roots(double b0, double b1, double b2, bool *negative, double *roots)
+{
+    double start = b0 != 0.0 ? b0 : b1 != 0.0 ? b1 : b2, end = b2 != 0.0 ? b2 : b1 != 0.0 ? b1 : b0;
+    *negative = start < 0.0;
+    if (b0 == 0.0 || b2 == 0.0) { // one root is an end; the other one divides a line
+        double c0 = b0 != 0.0 ? b0 : 2.0 * b1, c1 = b2 != 0.0 ? b2 : 2.0 * b1;
+        if (!(b0 != 0.0 || b2 != 0.0) || !(c0 < 0.0 ? c1 > 0.0 : c0 > 0.0 && c1 < 0.0)) return 0;
+        roots[0] = c0 / (c0 - c1);
+        return roots[0] > 0.0 && roots[0] < 1.0;
+    }
+    if (start < 0.0) b0 = -b0, b1 = -b1, b2 = -b2;
+    if ((start < 0.0) != (end < 0.0)) {
+        double root = sqrt(b1 * b1 - b0 * b2); // both terms have one sign: nothing cancels
+        double before = b1 >= 0.0 ? b1 + root : b0, after = b1 >= 0.0 ? -b2 : root - b1;
+        roots[0] = before / (before + after);
+        return roots[0] > 0.0 && roots[0] < 1.0;
+    }
+    double discriminant = bernstein_discriminant(b0, b1, b2);
+    if (b1 >= 0.0 || !(discriminant > 0.0)) return 0;
+    double far = sqrt(discriminant) - b1;
+    roots[0] = b0 / (b0 + far), roots[1] = far / (far + b2);
+    return roots[0] > 0.0 && roots[0] < roots[1] && roots[1] < 1.0 ? 2 : 0;
 }
 
 // Root of the cubic between low, just after which it is negative or not, and high.
@@ -53,7 +71,9 @@ static double bernstein_cubic_start(const double *b)
 static int bernstein_cubic_roots(const double *b, double *roots)
 {
     double ends[4];
-    int pieces = bernstein_quadratic_roots(b[1] - b[0], b[2] - b[1], b[3] - b[2], ends + 1) + 1;
+    bool rising;
+    int pieces = 1 + bernstein_quadratic_roots(b[1] - b[0], b[2] - b[1], b[3] - b[2], &rising,
+                                               ends + 1);
     ends[0] = 0.0;
     ends[pieces] = 1.0;
     int count = 0;

@@ -27,7 +27,7 @@ typedef struct {
 typedef struct {
     uint a, b, c;
     uint step;    // vertices from the segment's start to its end; 0 where nothing moves
-    uint face;    // face of the whole scene, for colours per face
+    uint face;    // face of the mesh
     uint mesh;
     float open;   // time of the segment's start, in the shutter's [0, 1]
     float length; // its duration
@@ -98,6 +98,7 @@ typedef struct {
     uint planes;
     uint flags;         // SHAPE_*
     float scale;        // power of two that brings w near 1
+    float near, far;    // bounds of w wherever the path is hit
     uint unused;
 } Shape;
 
@@ -105,6 +106,21 @@ typedef struct {
 #define SHAPE_BEHIND 2u   // reaches behind the eye
 #define SHAPE_CROSSED 4u  // bit of side 0; sides 1 and 2 follow
 #define SHAPE_REVERSED 32u // likewise: the side's second corner comes first by position
+
+// Depth of a path at any sample and time: w = d(tau) / (x(tau) X + y(tau) Y + w(tau)), Bernstein
+// coefficients over the motion segment. d is the determinant of the three vertices, the rest the sum
+// of the cross products of its edges.
+typedef struct {
+    double d[4];
+    double x[3], y[3], w[3];
+} Depth;
+
+// A time interval of an exact path: when it covers a sample.
+typedef struct {
+    float t0, t1;
+    uint path;
+    int next; // next interval of the sample, -1 at the end
+} Visit;
 
 // A fragment: where one triangle of a path's surface is hit (Hong & Oh 2017, 4.3).
 typedef struct {
@@ -122,11 +138,17 @@ typedef struct {
     uint first, last; // parts of the fragments that it was made from
 } Interval;
 
+// A part of a front envelope: a path in [t0, t1), and bounds of its depth.
+typedef struct {
+    float t0, t1, near, far;
+    uint path;
+} Front;
+
 // A visible piece of an interval.
 typedef struct {
     float t0, t1;
-    float weight;  // of the shutter
-    uint interval; // index into the sample's intervals
+    float weight; // of the shutter
+    uint source;  // exact paths: the path; triangulated ones: index into the pool `sorted`
 } Span;
 
 // A run of records that belongs to one sample.

@@ -33,13 +33,19 @@ LIGHT = np.dtype([("color", "f4", 3), ("kind", "u4"), ("vector", "f4", 3), ("unu
 SHAPE = np.dtype(
     [("c", "f8", _MAX_PLANES), ("a", "f4", _MAX_PLANES), ("b", "f4", _MAX_PLANES)]
     + [("y_min", "f4"), ("y_max", "f4"), ("facing", "f4", 4), ("crossing", "f4", 6)]
-    + [("planes", "u4"), ("flags", "u4"), ("scale", "f4"), ("unused", "u4")]
+    + [("planes", "u4"), ("flags", "u4"), ("scale", "f4"), ("near", "f4"), ("far", "f4")]
+    + [("unused", "u4")]
 )
+DEPTH = np.dtype([("d", "f8", 4), ("x", "f8", 3), ("y", "f8", 3), ("w", "f8", 3)])
+VISIT = np.dtype([("t0", "f4"), ("t1", "f4"), ("path", "u4"), ("next", "i4")])
 FRAGMENT = np.dtype([("t", "f4"), ("w", "f4"), ("part", "u4"), ("next", "i4")])
 INTERVAL = np.dtype(
     [("t0", "f4"), ("t1", "f4"), ("w0", "f4"), ("w1", "f4"), ("first", "u4"), ("last", "u4")]
 )
-SPAN = np.dtype([("t0", "f4"), ("t1", "f4"), ("weight", "f4"), ("interval", "u4")])
+FRONT = np.dtype([(name, "f4") for name in ("t0", "t1", "near", "far")] + [("path", "u4")])
+SPAN = np.dtype([("t0", "f4"), ("t1", "f4"), ("weight", "f4"), ("source", "u4")])
+SORTING = np.dtype(("V", 4 * 9))
+"""Scratch of the sort for one interval: nine words, in nine arrays (``SORT_ARRAYS``)."""
 RUN = np.dtype([("start", "u4"), ("count", "u4")])
 
 NONE = 0xFFFFFFFF
@@ -60,8 +66,11 @@ BY_NAME = {
     "Texture": TEXTURE,
     "Light": LIGHT,
     "Shape": SHAPE,
+    "Depth": DEPTH,
+    "Visit": VISIT,
     "Fragment": FRAGMENT,
     "Interval": INTERVAL,
+    "Front": FRONT,
     "Span": SPAN,
     "Run": RUN,
 }

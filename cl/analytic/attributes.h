@@ -1,0 +1,118 @@
+// Attributes of a path's vertices, blended, and the light that a surface with them reflects.
+#ifndef MB_ATTRIBUTES_H
+#define MB_ATTRIBUTES_H
+
+#include "analytic/tile.h"
+#include "shared/shading.h"
+
+// A path as one sample sees it. Corners 0 1 2 are its vertices at the segment's start, 3 4 5 at its
+// end.
+typedef struct {
+    Path path;
+    Mesh mesh;
+    Material material;
+    uint segment;
+    float x, y; // sample
+    float2 uv[6];
+    float3 normal[6], color[6];
+} Shaded;
+
+typedef struct {
+    float2 uv;
+    float3 normal, color;
+} Attributes;
+
+static inline uint corner_vertex(Path path, int corner)
+{
+    uint vertex = corner % 3 == 0 ? path.a : corner % 3 == 1 ? path.b : path.c;
+    return vertex + (corner < 3 ? 0u : path.step);
+}
+
+static inline uint attribute_index(const Shaded *s, uint base, uint step, int corner)
+{
+    uint within = corner_vertex(s->path, corner % 3) - s->mesh.vertex - s->segment * s->mesh.count;
+    return base + within + (step == 0 ? 0u : (s->segment + corner / 3) * s->mesh.count);
+}
+
+#ifdef PHONG
+static inline global const Camera *segment_camera(const Tile *tile, const Shaded *s, int end)
+{
+    return tile->scene.cameras + s->mesh.camera
+           + (s->path.step == 0 ? 0u : s->segment + (uint)end);
+}
+
+// Unit normal of the flat triangle at the segment's start (0) or end (1), in the world.
+static float3 face_normal(const Tile *tile, const Shaded *s, int end)
+{
+    global const double *m = segment_camera(tile, s, end)->inverse;
+    double3 p[3];
+    for (int i = 0; i < 3; i++) {
+        Vertex q = tile->scene.vertices[corner_vertex(s->path, i + 3 * end)];
+        p[i] = (double3)(m[0] * q.x + m[1] * q.y + m[2] * q.w, m[3] * q.x + m[4] * q.y + m[5] * q.w,
+                         m[6] * q.x + m[7] * q.y + m[8] * q.w);
+    }
+    double3 n = cross(p[1] - p[0], p[2] - p[0]);
+    double size = sqrt(dot(n, n));
+    return convert_float3(size > 0.0 ? n / size : n);
+}
+#endif
+
+static void load_corners(const Tile *tile, Shaded *s)
+{
+    Mesh mesh = s->mesh;
+    for (int i = 0; i < 6; i++) {
+        s->uv[i] = 0.0f, s->normal[i] = 0.0f, s->color[i] = 1.0f;
+        if (mesh.uv != NONE)
+            s->uv[i] = vload2(attribute_index(s, mesh.uv, mesh.uv_step, i), tile->scene.uvs);
+        if (mesh.color != NONE)
+            s->color[i] = vload3(attribute_index(s, mesh.color, mesh.color_step, i),
+                                 tile->scene.vertex_colors);
+        if (mesh.normal != NONE)
+            s->normal[i] = vload3(attribute_index(s, mesh.normal, mesh.normal_step, i),
+                                  tile->scene.normals);
+    }
+#ifdef PHONG
+    if (mesh.normal == NONE && (s->material.flags & MATERIAL_PHONG))
+        for (int end = 0; end < 2; end++)
+            s->normal[3 * end] = s->normal[3 * end + 1] = s->normal[3 * end + 2]
+                = face_normal(tile, s, end);
+#endif
+}
+
+static Attributes blend_corners(const Shaded *s, const float *weights)
+{
+    Attributes a = {0.0f, 0.0f, 0.0f};
+    for (int i = 0; i < 6; i++) {
+        a.uv += weights[i] * s->uv[i];
+        a.normal += weights[i] * s->normal[i];
+        a.color += weights[i] * s->color[i];
+    }
+    return a;
+}
+
+#ifdef PHONG
+// Reflected light at time t, when the surface is seen at depth w.
+static float3 reflect_light(const Tile *tile, const Shaded *s, float3 normal, float3 color, float t,
+                            float w)
+{
+    float tau = (t - s->path.open) / s->path.length;
+    global const Camera *c0 = segment_camera(tile, s, 0), *c1 = segment_camera(tile, s, 1);
+    float ray[3], eye[3];
+    for (int i = 0; i < 3; i++) {
+        global const double *m0 = c0->inverse + 3 * i, *m1 = c1->inverse + 3 * i;
+        double start = m0[0] * s->x + m0[1] * s->y + m0[2];
+        double end = m1[0] * s->x + m1[1] * s->y + m1[2];
+        ray[i] = (float)(start + (end - start) * tau);
+        eye[i] = (float)(c0->eye[i] + (c1->eye[i] - c0->eye[i]) * tau);
+    }
+    float3 along = (float3)(ray[0], ray[1], ray[2]);
+    float3 position = (float3)(eye[0], eye[1], eye[2]) + w * along;
+    float3 view = -normalize(along);
+    normal = normalize(normal);
+    if (!(s->material.flags & MATERIAL_SINGLE_SIDED) && dot(normal, view) < 0.0f) normal = -normal;
+    return phong(s->material, color, position, normal, view, tile->scene.lights,
+                 tile->scene.light_count);
+}
+#endif
+
+#endif

@@ -1,0 +1,47 @@
+// How attributes and depth vary along an interval of an exact path: by the sample's barycentric
+// coordinates in the moving triangle, the edge functions over their sum.
+#ifndef MB_VARYING_EXACT_H
+#define MB_VARYING_EXACT_H
+
+#include "analytic/attributes.h"
+#include "analytic/depth.h"
+#include "analytic/edges.h"
+
+typedef struct {
+    double edge[3][3];
+} Varying;
+
+static inline uint span_path(const Tile *tile, Span span) { return span.source; }
+
+static inline float span_depth(const Tile *tile, Span span, float x, float y, float t)
+{
+    DepthCurve curve = depth_curve(tile, span.source, x, y);
+    return (float)curve_depth(&curve, t);
+}
+
+static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
+{
+    Varying v;
+    MovingTriangle triangle;
+    load_moving(tile->scene.vertices, s->path, tile->scene.shapes[span.source].flags, &triangle);
+    for (int i = 0; i < 3; i++) edge_function(&triangle, i, s->x, s->y, v.edge[i]);
+    return v;
+}
+
+static Attributes attributes_at(const Shaded *s, const Varying *v, float t)
+{
+    double tau = ((double)t - s->path.open) / s->path.length, rest = 1.0 - tau, e[3], sum = 0.0;
+    for (int i = 0; i < 3; i++) {
+        const double *b = v->edge[i];
+        e[i] = rest * (rest * b[0] + tau * b[1]) + tau * (rest * b[1] + tau * b[2]);
+        sum += e[i];
+    }
+    float weights[6];
+    for (int i = 0; i < 3; i++) {
+        double share = sum != 0.0 ? e[i] / sum : 1.0 / 3.0;
+        weights[i] = (float)(share * rest), weights[i + 3] = (float)(share * tau);
+    }
+    return blend_corners(s, weights);
+}
+
+#endif

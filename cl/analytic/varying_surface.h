@@ -1,0 +1,87 @@
+// How attributes and depth vary along an interval of a triangulated path: linearly in time between
+// where its two fragments lie on the path's surface. For a surface in translation that is exact.
+#ifndef MB_VARYING_SURFACE_H
+#define MB_VARYING_SURFACE_H
+
+#include "analytic/surface.h"
+#include "analytic/attributes.h"
+
+typedef struct {
+    Interval interval;
+    Attributes start, end; // at the fragments
+    float t0, over;        // time of the first fragment, 1 / (time between them)
+} Varying;
+
+static inline uint span_path(const Tile *tile, Span span)
+{
+    return tile->sorted[span.source].first >> PART_BITS;
+}
+
+static inline float span_depth(const Tile *tile, Span span, float x, float y, float t)
+{
+    Interval i = tile->sorted[span.source];
+    return i.w0 + (i.w1 - i.w0) * ((t - i.t0) / (i.t1 - i.t0));
+}
+
+// Weights of the path's six corners where face `face` of its surface meets the sample; returns the
+// fragment's time within the segment.
+static float fragment_weights(const Surface *surface, int face, float x, float y, float *weights)
+{
+    float xs[3], ys[3], e[3], sum = 0.0f, t = 0.0f;
+    for (int i = 0; i < 3; i++) {
+        int c = FACE_CORNERS[face][i];
+        xs[i] = fma(-x, surface->w[c], surface->x[c]) + fma(-x, surface->w_low[c], surface->x_low[c]);
+        ys[i] = fma(-y, surface->w[c], surface->y[c]) + fma(-y, surface->w_low[c], surface->y_low[c]);
+    }
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        e[i] = xs[j] * ys[k] - xs[k] * ys[j];
+        sum += e[i];
+    }
+    for (int i = 0; i < 6; i++) weights[i] = 0.0f;
+    for (int i = 0; i < 3; i++) {
+        int c = FACE_CORNERS[face][i], side = c - 6, r = (side + 1) % 3;
+        float share = sum != 0.0f ? e[i] / sum : 1.0f / 3.0f;
+        t += share * CORNER_TIME[c];
+        if (c < 6) {
+            weights[c] += share;
+            continue;
+        }
+        bool crossed = surface->crossed >> side & 1u;
+        float start = crossed ? surface->place[side][0] : 0.5f;
+        float end = crossed ? surface->place[side][1] : 0.5f;
+        weights[side] += 0.5f * share * (1.0f - start), weights[r] += 0.5f * share * start;
+        weights[side + 3] += 0.5f * share * (1.0f - end), weights[r + 3] += 0.5f * share * end;
+    }
+    return t;
+}
+
+static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
+{
+    Varying v;
+    v.interval = tile->sorted[span.source];
+    Surface surface;
+    load_surface(tile->scene.vertices, s->path,
+                 tile->scene.shapes + (v.interval.first >> PART_BITS), &surface);
+    uint face = (1u << PART_BITS) - 1u, first = v.interval.first, last = v.interval.last;
+    if ((first & face) == PART_EYE) first = last;
+    if ((last & face) == PART_EYE) last = first;
+    float weights[6];
+    v.t0 = fragment_weights(&surface, first & face, s->x, s->y, weights);
+    v.start = blend_corners(s, weights);
+    float t1 = fragment_weights(&surface, last & face, s->x, s->y, weights);
+    v.end = blend_corners(s, weights);
+    v.over = t1 != v.t0 ? 1.0f / (s->path.length * (t1 - v.t0)) : 0.0f;
+    v.t0 = s->path.open + s->path.length * v.t0;
+    return v;
+}
+
+static Attributes attributes_at(const Shaded *s, const Varying *v, float t)
+{
+    float part = (t - v->t0) * v->over;
+    Attributes a = {mix(v->start.uv, v->end.uv, part), mix(v->start.normal, v->end.normal, part),
+                    mix(v->start.color, v->end.color, part)};
+    return a;
+}
+
+#endif
