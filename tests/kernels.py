@@ -1,0 +1,158 @@
+"""Run the kernels' functions alone: wrapper kernels in ``wrappers/`` include a stage's file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mbinterval.analytic import render_analytic
+from mbinterval.device import records
+from mbinterval.device.runtime import Runtime, runtime, seconds
+from mbinterval.motion import lay_out
+from mbinterval.plan import Plan, make_plan
+from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.scene.model import Scene
+from mbinterval.settings import Settings
+
+WRAPPERS = Path(__file__).resolve().parent / "wrappers"
+
+DEFAULTS = {"TILE": 16, "SAMPLES": 1, "LAYERS": 1, "MASK_BITS": 128, "STATIC_PATHS": "0u"}
+"""What the plan defines for a scene with one sample per pixel and nothing at rest."""
+
+
+def options(*effects: str, **sizes: object) -> tuple[str, ...]:
+    """Compiler options as a plan makes them."""
+    named = DEFAULTS | sizes
+    return tuple(f"-D{name}" for name in effects) + tuple(f"-D{n}={v}" for n, v in named.items())
+
+
+def run(
+    file: str | Path,
+    kernel: str,
+    arguments: Sequence[Any],
+    defines: Sequence[str] = (),
+    items: int = 1,
+    clock: list[float] | None = None,
+) -> list[np.ndarray]:
+    """Run ``kernel`` of wrapper ``file`` (or of a file in ``cl``); returns every array argument.
+
+    Arrays are copied to the device and back; what they hold is what an output buffer starts with.
+    Records with one element and numbers (as NumPy scalars) are passed by value. ``clock`` gets the
+    seconds that the kernel ran.
+    """
+    device = runtime()
+    path = WRAPPERS / file if (WRAPPERS / file).exists() else file
+    program = device.kernel(str(path), kernel, tuple(defines))
+    passed, arrays = [], []
+    for argument in arguments:
+        if isinstance(argument, np.ndarray) and argument.ndim:
+            buffer = filled(device, argument)
+            arrays.append((buffer, argument))
+            passed.append(buffer)
+        else:
+            passed.append(argument)
+    event = device.run(program, items, *passed)
+    if clock is not None:
+        clock.append(seconds(event))
+    return [device.download(buffer, array.shape, array.dtype) for buffer, array in arrays]
+
+
+def filled(device: Runtime, array: np.ndarray) -> Any:
+    """A read-write buffer with a copy of ``array``."""
+    import pyopencl as cl
+
+    buffer = device.allocate(array.nbytes)
+    if array.nbytes:
+        cl.enqueue_copy(device.queue, buffer, np.ascontiguousarray(array))
+    return buffer
+
+
+def vertices_of(points: np.ndarray) -> np.ndarray:
+    """``Vertex`` records of homogeneous pixel points ``(..., 3)``, in the same order."""
+    flat = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    table = np.zeros(len(flat), records.VERTEX)
+    for name, column in zip("xyw", flat.T, strict=True):
+        table[name] = column
+    return table
+
+
+def paths_of_points(points: np.ndarray, segments: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """``Vertex`` and ``Path`` records of points ``(P, 2, 3, 3)``: end, vertex, (x, y, w).
+
+    Paths of ``segments`` segments are one triangle's, one after the other.
+    """
+    count = len(points)
+    table = np.zeros(count, records.PATH)
+    for corner, name in enumerate("abc"):
+        table[name] = 6 * np.arange(count) + corner
+    table["step"] = 3
+    table["open"] = (np.arange(count) % segments) / segments
+    table["length"] = 1.0 / segments
+    return vertices_of(points), table
+
+
+def one_material(flags: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """``Mesh`` and ``Material`` records of one mesh without attributes."""
+    mesh, material = np.zeros(1, records.MESH), np.zeros(1, records.MATERIAL)
+    for name in ("uv", "normal", "color", "face_color"):
+        mesh[name] = records.NONE
+    material["base"], material["texture"], material["flags"] = 1.0, records.NONE, flags
+    return mesh, material
+
+
+def shapes_of(vertices: np.ndarray, paths: np.ndarray, flags: int = 0) -> np.ndarray:
+    """Stage "paths": the ``Shape`` of every path."""
+    return shapes_and_depths(vertices, paths, flags)[0]
+
+
+def shapes_and_depths(
+    vertices: np.ndarray, paths: np.ndarray, flags: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stage "paths" as exact paths need it: ``Shape`` and ``Depth`` of every path."""
+    tables = [np.zeros(len(paths), record) for record in (records.SHAPE, records.DEPTH)]
+    arguments = [vertices, paths, np.uint32(len(paths)), *one_material(flags), *tables]
+    items = -(-len(paths) // 256)
+    *_, shapes, depths = run("analytic/paths.cl", "paths", arguments, ["-DEXACT"], items)
+    return shapes, depths
+
+
+def members_of(
+    shapes: np.ndarray,
+    size: tuple[int, int],
+    tile: int = 16,
+    chunk: int = 64,
+    order: np.ndarray | None = None,
+) -> list[np.ndarray]:
+    """Stage "bin": the paths of every tile of a frame of ``size``, row by row of tiles."""
+    columns, rows = -(-size[0] // tile), -(-size[1] // tile)
+    fields = [(name, "i4") for name in "xycrs"] + [("paths", "u4"), ("chunk", "u4")]
+    grid = np.array((0, 0, columns, rows, tile, len(shapes), chunk), fields)
+    tiles, chunks = columns * rows, -(-len(shapes) // chunk)
+    order = np.arange(len(shapes)) if order is None else order
+    given = [shapes, order.astype(np.uint32), grid]
+    file, counts = "analytic/bin.cl", np.zeros(tiles * chunks, np.uint32)
+    counts = run(file, "bin_count", [*given, counts], items=chunks)[-1]
+    scan = [np.uint32(tiles), np.uint32(chunks), counts, np.zeros(tiles + 1, np.uint32)]
+    counts, starts = run(file, "bin_scan", scan)
+    entries = np.zeros(starts[-1], np.uint32)
+    entries = run(file, "bin_file", [*given, counts, entries], items=chunks)[-1]
+    return np.split(entries, starts[1:-1])
+
+
+def plan_of(
+    scene: Scene, settings: Settings, width: int, height: int, **changes: Any
+) -> tuple[Exposure, Any, Plan]:
+    """Exposure, motion and plan, as ``mbinterval.render`` makes them."""
+    exposure = expose(scene, 1.0, width / height, settings.motion_segments)
+    motion = lay_out(exposure, width, height)
+    crop = changes.pop("crop", (0, 0, width, height))
+    return exposure, motion, make_plan(exposure, motion, settings, width, height, crop, **changes)
+
+
+def render_with(scene: Scene, settings: Settings, width: int, height: int, **changes: Any) -> Any:
+    """Pixels of a render whose plan is made with ``changes``, such as ``capacity``."""
+    exposure, motion, plan = plan_of(scene, settings, width, height, **changes)
+    return render_analytic(runtime(), exposure, motion, plan)

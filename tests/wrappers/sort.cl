@@ -1,0 +1,13 @@
+// Stage "sort" on intervals that a test made.
+#include "analytic/sort.cl"
+
+kernel void sort_tile(global Interval *intervals, global Run *runs, uint capacity,
+                      global float *sorting, global Interval *sorted, global uint *result)
+{
+    Tile tile;
+    tile.row_low = 0, tile.row_high = ROWS;
+    tile.intervals = intervals, tile.runs = runs, tile.capacity = capacity;
+    tile.sorting = sorting, tile.sorted = sorted;
+    result[0] = sort(&tile);
+    result[1] = tile.sorted_count;
+}
