@@ -43,7 +43,12 @@ _SHARED_ARGUMENTS = (
     *("starts", "members", "queue", "next", "failed", "samples", "pixels", "counters"),
     *("rgba", "depth", "met"),
 )
-_EXACT_POOLS = {"visits": records.VISIT, "fronts": records.FRONT, "merged": records.FRONT}
+_EXACT_POOLS = {
+    "visits": records.VISIT,
+    "fronts": records.FRONT,
+    "merged": records.FRONT,
+    "ordering": records.ORDERING,
+}
 _TRIANGULATED_POOLS = {
     "fragments": records.FRAGMENT,
     "intervals": records.INTERVAL,
@@ -256,7 +261,7 @@ def _run_queue(
     pools = _pools(plan)
     arguments = [*_SHARED_ARGUMENTS, *(["depths"] if plan.exact else []), *pools]
     for name, record in pools.items():
-        padding = _LANES if name == "sorting" else 0
+        padding = _LANES if name in ("sorting", "ordering") else 0
         buffers[name] = runtime.allocate(record.itemsize * (capacity + padding) * workers)
     buffers["queue"] = runtime.upload(queue)
     runtime.fill(buffers["next"], 4)

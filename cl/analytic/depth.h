@@ -35,27 +35,45 @@ static double curve_depth(const DepthCurve *c, double t)
 // Relative size below which two depths count as equal.
 #define EQUAL_DEPTH 1e-12
 
+// A curve on [low, high) of the shutter, its signs such that d and e are positive where it is hit.
+static DepthCurve restrict_curve(const DepthCurve *c, double low, double high)
+{
+    DepthCurve r;
+    double l = (low - c->open) / c->length, h = (high - c->open) / c->length;
+    restrict_cubic(c->d, l, h, r.d);
+    restrict_quadratic(c->e, l, h, r.e);
+    double sign = r.d[0] + r.d[1] + r.d[2] + r.d[3] < 0.0 ? -1.0 : 1.0;
+    for (int i = 0; i < 4; i++) r.d[i] *= sign;
+    for (int i = 0; i < 3; i++) r.e[i] *= sign;
+    return r;
+}
+
+// Whether a is in front of b throughout, by bounds of d and e.
+static bool surely_before(const DepthCurve *a, const DepthCurve *b)
+{
+    double a_far = fmax(fmax(a->d[0], a->d[1]), fmax(a->d[2], a->d[3]));
+    double b_near = fmin(fmin(b->d[0], b->d[1]), fmin(b->d[2], b->d[3]));
+    double a_e = fmin(fmin(a->e[0], a->e[1]), a->e[2]), b_e = fmax(fmax(b->e[0], b->e[1]), b->e[2]);
+    return b_near > 0.0 && a_e > 0.0 && a_far * b_e < b_near * a_e * (1.0 - EQUAL_DEPTH);
+}
+
 // Compare two paths on [low, high): how often they change order, at which times, and whether a is in
 // front at first. Equal depths throughout: the path with the lower index is in front.
 static int compare_depths(const Tile *tile, uint a, uint b, float x, float y, double low,
                           double high, double *times, bool *a_first)
 {
     DepthCurve ca = depth_curve(tile, a, x, y), cb = depth_curve(tile, b, x, y);
-    double la = (low - ca.open) / ca.length, ha = (high - ca.open) / ca.length;
-    double lb = (low - cb.open) / cb.length, hb = (high - cb.open) / cb.length;
-    double ea[3], eb[3], da[4], db[4], fa[QUINTIC], fb[QUINTIC], g[QUINTIC];
-    restrict_quadratic(ca.e, la, ha, ea), restrict_cubic(ca.d, la, ha, da);
-    restrict_quadratic(cb.e, lb, hb, eb), restrict_cubic(cb.d, lb, hb, db);
-    multiply_to_quintic(ea, db, fa), multiply_to_quintic(eb, da, fb);
-    // Both d keep one sign where the paths are hit. 1/w is e/d.
-    double sign = (da[0] + da[1] + da[2] + da[3] < 0.0) == (db[0] + db[1] + db[2] + db[3] < 0.0)
-                      ? 1.0 : -1.0;
+    ca = restrict_curve(&ca, low, high), cb = restrict_curve(&cb, low, high);
+    *a_first = surely_before(&ca, &cb);
+    if (*a_first || surely_before(&cb, &ca)) return 0;
+    // 1/w is e/d: a is in front while e_a d_b - e_b d_a is above zero.
+    double fa[QUINTIC], fb[QUINTIC], g[QUINTIC];
+    multiply_to_quintic(ca.e, cb.d, fa), multiply_to_quintic(cb.e, ca.d, fb);
     bool equal = true;
     for (int i = 0; i < QUINTIC; i++) {
-        g[i] = sign * (fa[i] - fb[i]);
-        bool same = fabs(g[i]) <= EQUAL_DEPTH * (fabs(fa[i]) + fabs(fb[i]));
-        g[i] = same ? 0.0 : g[i];
-        equal &= same;
+        g[i] = fa[i] - fb[i];
+        if (fabs(g[i]) <= EQUAL_DEPTH * (fabs(fa[i]) + fabs(fb[i]))) g[i] = 0.0;
+        equal &= g[i] == 0.0;
     }
     *a_first = a < b;
     if (equal) return 0;

@@ -1,145 +1,126 @@
 // Stage "envelope": what is seen of each sample's intervals, exactly: the front envelope in time and
 // depth.
 //
-// An envelope is a list of fronts that follow each other in time. Two envelopes are merged in one
-// walk through both; where both have a front, bounds of depth decide, or else the exact order, with
-// a cut wherever it changes. Intervals come from near to far and enter a small envelope, equal sizes
-// are merged as in a merge sort, so n intervals take O(n log n), and the walk ends when what is
-// there closes the whole shutter in front of all that follow.
+// Intervals come from near to far; those that lie behind what covers their time are left out, and all
+// that follow once the whole shutter is covered. The rest are sorted by time and dealt into chains, whose members follow each other without
+// overlap; most often a chain is one surface that passes, triangle after triangle. A chain is an
+// envelope already. Chains are then merged in pairs, as in a merge sort, each time in one walk
+// through both: where both have something to show, bounds of depth decide, or else the exact order,
+// with a cut wherever it changes. That takes O(n log n) for n intervals.
 #include "analytic/depth.h"
 
-#define BATCH 32
-#define LEVELS 28
+#define OPEN_CHAINS 16 // chains that may still grow; older ones are complete
+#define RANKED 256     // above this, intervals are sorted by merging
+#define COVERS 8       // covered stretches of the shutter that are kept in mind
 
-// Append a piece of a front, joined to the one before where it continues it.
-static int append_front(global Front *out, int count, Front front, float t0, float t1)
+// A growing envelope.
+typedef struct {
+    global Front *out;
+    int count, room;
+    bool full;
+} Writer;
+
+// Append [t0, t1) of a front, joined to the one before where it continues it.
+static void append_front(Writer *w, Front front, float t0, float t1)
 {
-    if (!(t0 < t1)) return count;
-    if (count > 0 && out[count - 1].path == front.path && out[count - 1].t1 == t0) {
-        out[count - 1].t1 = t1;
-        return count;
+    if (!(t0 < t1)) return;
+    global Front *before = w->out + w->count - 1;
+    if (w->count > 0 && before->path == front.path && before->t1 == t0) {
+        before->t1 = t1;
+        return;
     }
+    w->full |= w->count == w->room;
+    if (w->full) return;
     front.t0 = t0, front.t1 = t1;
-    out[count] = front;
-    return count + 1;
+    w->out[w->count++] = front;
 }
 
-// Append what is in front of two fronts in [t0, t1), where both are.
-static int append_nearer(const Tile *tile, float2 place, global Front *out, int count, Front a,
-                         Front b, float t0, float t1)
+// Append the nearer of two fronts in [t0, t1), where both are.
+static void append_nearer(const Tile *tile, float2 place, Writer *w, Front a, Front b, float t0,
+                          float t1)
 {
-    if (a.far < b.near) return append_front(out, count, a, t0, t1);
-    if (b.far < a.near) return append_front(out, count, b, t0, t1);
+    if (a.far < b.near || b.far < a.near) {
+        append_front(w, a.far < b.near ? a : b, t0, t1);
+        return;
+    }
     double times[5];
     bool a_first;
     int changes = compare_depths(tile, a.path, b.path, place.x, place.y, t0, t1, times, &a_first);
     for (int i = 0; i <= changes; i++, a_first = !a_first) {
         float end = i < changes ? (float)times[i] : t1;
-        count = append_front(out, count, a_first ? a : b, t0, end);
+        append_front(w, a_first ? a : b, t0, end);
         t0 = end;
     }
-    return count;
 }
 
-// Most fronts that merging can make: every two ends and every crossing begin one.
-static inline int merged_bound(int a_count, int b_count) { return 7 * (a_count + b_count); }
-
-// Merge two envelopes of the sample at `place`; returns the number of fronts.
-static int merge_envelopes(const Tile *tile, float2 place, global const Front *a, int a_count,
-                           global const Front *b, int b_count, global Front *out)
+// Merge two envelopes of the sample at `place`.
+static void merge_envelopes(const Tile *tile, float2 place, global const Front *a, int a_count,
+                            global const Front *b, int b_count, Writer *w)
 {
-    int i = 0, k = 0, count = 0;
+    int i = 0, k = 0;
     float from = -1.0f; // what lies before has been dealt with
     while (i < a_count && k < b_count) {
         Front p = a[i], q = b[k];
         float p0 = fmax(p.t0, from), q0 = fmax(q.t0, from);
-        float start = fmin(p0, q0), end;
         if (p0 < q0) {
-            end = fmin(p.t1, q0);
-            count = append_front(out, count, p, start, end);
+            from = fmin(p.t1, q0);
+            append_front(w, p, p0, from);
         } else if (q0 < p0) {
-            end = fmin(q.t1, p0);
-            count = append_front(out, count, q, start, end);
+            from = fmin(q.t1, p0);
+            append_front(w, q, q0, from);
         } else {
-            end = fmin(p.t1, q.t1);
-            count = append_nearer(tile, place, out, count, p, q, start, end);
+            from = fmin(p.t1, q.t1);
+            append_nearer(tile, place, w, p, q, p0, from);
         }
-        from = end;
         i += p.t1 <= from, k += q.t1 <= from;
     }
-    for (; i < a_count; i++) count = append_front(out, count, a[i], fmax(a[i].t0, from), a[i].t1);
-    for (; k < b_count; k++) count = append_front(out, count, b[k], fmax(b[k].t0, from), b[k].t1);
-    return count;
+    for (; i < a_count; i++) append_front(w, a[i], fmax(a[i].t0, from), a[i].t1);
+    for (; k < b_count; k++) append_front(w, b[k], fmax(b[k].t0, from), b[k].t1);
 }
 
-// Greatest depth of an envelope that closes the whole shutter, else infinity.
-static float closing_depth(global const Front *fronts, int count)
+// Rank of each key among `count`, ties by place, counted for 16 at a time.
+static void rank_keys(global const float *keys, int count, global int *ranks)
 {
-    float t = 0.0f, far = 0.0f;
-    for (int i = 0; i < count; i++) {
-        if (fronts[i].t0 != t) return INFINITY;
-        t = fronts[i].t1, far = fmax(far, fronts[i].far);
+    for (int first = 0; first < count; first += LANES) {
+        Lanes key = vload16(0, keys + first);
+        LaneMask place = first + convert_int16(LANE_INDEX), rank = 0;
+        for (int k = 0; k < count; k++) {
+            Lanes other = keys[k];
+            rank -= (other < key) | ((other == key) & (k < place));
+        }
+        vstore16(rank, 0, ranks + first);
     }
-    return t == 1.0f ? far : INFINITY;
 }
 
-// Whether the front lies behind the envelope wherever it is, by bounds of depth alone.
-static bool is_hidden(global const Front *fronts, int count, Front front)
+// Order of the keys by merging runs of growing length; `order` and `scratch` hold places.
+static global int *merge_sort_keys(global const float *keys, int count, global int *order,
+                                   global int *scratch)
 {
-    float t = front.t0;
-    for (int i = 0; i < count && t < front.t1; i++) {
-        if (fronts[i].t1 <= t) continue;
-        if (fronts[i].t0 > t || fronts[i].far >= front.near) return false;
-        t = fronts[i].t1;
+    for (int i = 0; i < count; i++) order[i] = i;
+    for (int size = 1; size < count; size *= 2) {
+        for (int start = 0; start < count; start += 2 * size) {
+            int i = start, middle = min(start + size, count), k = middle;
+            int end = min(start + 2 * size, count);
+            for (int n = start; n < end; n++)
+                scratch[n] = k >= end || (i < middle && keys[order[i]] <= keys[order[k]])
+                                 ? order[i++] : order[k++];
+        }
+        global int *swapped = order;
+        order = scratch, scratch = swapped;
     }
-    return t >= front.t1;
+    return order;
 }
 
-// The envelopes of a sample while it is built: runs of the pool `fronts`, the oldest first.
-typedef struct {
-    Run runs[LEVELS];
-    uint entered[LEVELS]; // intervals in each
-    int levels;
-} Stack;
-
-// Merge the two newest envelopes. False when the pool is full.
-static bool merge_newest(Tile *tile, float2 place, Stack *stack)
+// Places of the sample's intervals in order of their start. The list's nodes are in `nodes`.
+static global int *order_by_start(Tile *tile, int count)
 {
-    Run a = stack->runs[stack->levels - 2], b = stack->runs[stack->levels - 1];
-    if ((uint)merged_bound(a.count, b.count) > tile->capacity - a.start) return false;
-    int count = merge_envelopes(tile, place, tile->fronts + a.start, a.count,
-                                tile->fronts + b.start, b.count, tile->merged);
-    for (int i = 0; i < count; i++) tile->fronts[a.start + i] = tile->merged[i];
-    stack->levels--;
-    stack->runs[stack->levels - 1].count = count;
-    stack->entered[stack->levels - 1] += stack->entered[stack->levels];
-    return true;
-}
-
-// Put one interval into the newest envelope, and merge equals. False when the pool is full.
-static bool enter_front(Tile *tile, float2 place, Stack *stack, Front front)
-{
-    int top = stack->levels - 1;
-    if (top < 0 || stack->entered[top] >= BATCH) {
-        uint start = top < 0 ? 0u : stack->runs[top].start + stack->runs[top].count;
-        if (start == tile->capacity) return false;
-        tile->fronts[start] = front;
-        stack->runs[++top].start = start;
-        stack->runs[top].count = 1, stack->entered[top] = 1;
-        stack->levels = top + 1;
-        return true;
-    }
-    Run run = stack->runs[top];
-    uint end = run.start + run.count;
-    if (end == tile->capacity) return false;
-    tile->fronts[end] = front;
-    stack->runs[top + 1].start = end, stack->runs[top + 1].count = 1, stack->entered[top + 1] = 1;
-    stack->levels++;
-    if (!merge_newest(tile, place, stack)) return false;
-    while (stack->levels > 1 && stack->entered[stack->levels - 1] >= BATCH
-           && stack->entered[stack->levels - 1] >= stack->entered[stack->levels - 2])
-        if (!merge_newest(tile, place, stack)) return false;
-    return true;
+    size_t size = tile->capacity + LANES;
+    global float *keys = tile->ordering;
+    global int *order = (global int *)(keys + size), *scratch = order + size;
+    if (count > RANKED) return merge_sort_keys(keys, count, order, scratch);
+    rank_keys(keys, count, scratch);
+    for (int i = 0; i < count; i++) order[scratch[i]] = i;
+    return order;
 }
 
 static inline Front front_of(const Tile *tile, uint path, float t0, float t1)
@@ -149,51 +130,155 @@ static inline Front front_of(const Tile *tile, uint path, float t0, float t1)
     return front;
 }
 
-static bool envelope_sample(Tile *tile, int sample, float2 place, Stack *stack)
+// Stretches of the shutter that are covered, and how deep at most: intervals behind them are hidden.
+typedef struct {
+    float t0[COVERS], t1[COVERS], far[COVERS];
+    int count;
+} Cover;
+
+static inline bool is_covered(const Cover *c, Front front)
 {
-    stack->levels = 0;
-    float closed = INFINITY;
+    bool covered = false;
+    for (int i = 0; i < c->count; i++)
+        covered |= c->t0[i] <= front.t0 && front.t1 <= c->t1[i] && c->far[i] < front.near;
+    return covered;
+}
+
+// Add an interval: stretches that it touches become one with it.
+static void add_cover(Cover *c, Front front)
+{
+    int kept = 0;
+    for (int i = 0; i < c->count; i++) {
+        bool apart = c->t1[i] < front.t0 || front.t1 < c->t0[i];
+        c->t0[kept] = c->t0[i], c->t1[kept] = c->t1[i], c->far[kept] = c->far[i];
+        kept += apart;
+        if (apart) continue;
+        front.t0 = fmin(front.t0, c->t0[i]), front.t1 = fmax(front.t1, c->t1[i]);
+        front.far = fmax(front.far, c->far[i]);
+    }
+    // Where there is no room the interval is left out, which only hides less.
+    if (kept < COVERS) c->t0[kept] = front.t0, c->t1[kept] = front.t1, c->far[kept++] = front.far;
+    c->count = kept;
+}
+
+// Copy what of the sample's list may be seen into the pool `fronts`, and its starts where they are
+// sorted. The list runs from near to far: it ends where the whole shutter is covered.
+static int gather_fronts(Tile *tile, int sample)
+{
+    Cover cover = {.count = 0};
+    int count = 0;
 #ifdef STATIC
-    if (tile->static_depth[sample] < INFINITY) {
-        Front front = front_of(tile, tile->static_part[sample] >> PART_BITS, 0.0f, 1.0f);
-        if (!enter_front(tile, place, stack, front)) return false;
-        closed = front.far;
+    float behind = tile->static_depth[sample];
+    if (behind < INFINITY) {
+        tile->fronts[0] = front_of(tile, tile->static_part[sample] >> PART_BITS, 0.0f, 1.0f);
+        tile->ordering[count++] = 0.0f;
+        add_cover(&cover, tile->fronts[0]);
     }
 #endif
     for (int node = tile->heads[sample]; node >= 0; node = tile->visits[node].next) {
         Visit visit = tile->visits[node];
         Front front = front_of(tile, visit.path, visit.t0, visit.t1);
-        if (front.near > closed) break;
-        if (stack->levels > 0
-            && is_hidden(tile->fronts, (int)stack->runs[0].count, front))
+        if (is_covered(&cover, front)) {
+            if (cover.t0[0] == 0.0f && cover.t1[0] == 1.0f && cover.far[0] < front.near) break;
             continue;
-        if (!enter_front(tile, place, stack, front)) return false;
-        if (stack->levels == 1)
-            closed = fmin(closed, closing_depth(tile->fronts, (int)stack->runs[0].count));
+        }
+        if (count == (int)tile->capacity) return -1;
+        tile->fronts[count] = front;
+        tile->ordering[count++] = visit.t0;
+        add_cover(&cover, front);
     }
-    while (stack->levels > 1)
-        if (!merge_newest(tile, place, stack)) return false;
-    return true;
+    return count;
+}
+
+// Deal the sorted intervals into chains; returns how many. `chain` gets each one's chain.
+static int deal_into_chains(const Tile *tile, global const int *order, int count, global int *chain)
+{
+    float ends[OPEN_CHAINS];
+    int chains = 0;
+    for (int i = 0; i < count; i++) {
+        Front front = tile->fronts[order[i]];
+        int oldest = max(chains - OPEN_CHAINS, 0), chosen = -1;
+        for (int k = oldest; k < chains; k++) {
+            float end = ends[k % OPEN_CHAINS];
+            if (end == front.t0) {
+                chosen = k;
+                break;
+            }
+            if (end < front.t0 && chosen < 0) chosen = k;
+        }
+        if (chosen < 0) chosen = chains++;
+        ends[chosen % OPEN_CHAINS] = front.t1;
+        chain[i] = chosen;
+    }
+    return chains;
+}
+
+// Chains laid one after the other in the pool `merged`; starts[chains] is their end.
+static void lay_chains(Tile *tile, global const int *order, int count, global const int *chain,
+                       int chains, global int *starts)
+{
+    for (int k = 0; k <= chains; k++) starts[k] = 0;
+    for (int i = 0; i < count; i++) starts[chain[i] + 1]++;
+    for (int k = 0; k < chains; k++) starts[k + 1] += starts[k];
+    // Filling moves each start to the next one's place; going back undoes it.
+    for (int i = 0; i < count; i++) tile->merged[starts[chain[i]]++] = tile->fronts[order[i]];
+    for (int k = chains; k > 0; k--) starts[k] = starts[k - 1];
+    starts[0] = 0;
+}
+
+// Merge neighbouring envelopes of the pool `merged` until one is left, in passes from one pool to
+// the other and back. Returns its length, or -1 when a pool is full.
+static int merge_chains(Tile *tile, float2 place, int chains, global int *starts)
+{
+    while (chains > 1) {
+        Writer w = {tile->fronts, 0, 0, false};
+        for (int k = 0; k < chains; k += 2) {
+            int a = starts[k], b = starts[k + 1], end = starts[min(k + 2, chains)];
+            int begin = (int)(w.out - tile->fronts) + w.count;
+            w.out = tile->fronts + begin, w.count = 0, w.room = (int)tile->capacity - begin;
+            merge_envelopes(tile, place, tile->merged + a, b - a, tile->merged + b, end - b, &w);
+            if (w.full) return -1;
+            starts[k / 2] = begin;
+        }
+        chains = (chains + 1) / 2;
+        starts[chains] = (int)(w.out - tile->fronts) + w.count;
+        global Front *swapped = tile->fronts;
+        tile->fronts = tile->merged, tile->merged = swapped;
+    }
+    return starts[chains];
+}
+
+// The sample's envelope, in the pool `merged`; returns its length, or -1 when a pool is full.
+static int envelope_sample(Tile *tile, int sample, float2 place)
+{
+    int count = gather_fronts(tile, sample);
+    if (count < 2) {
+        if (count == 1) tile->merged[0] = tile->fronts[0];
+        return count;
+    }
+    size_t size = tile->capacity + LANES;
+    global int *chain = (global int *)tile->ordering + 3 * size, *starts = chain + size;
+    global int *order = order_by_start(tile, count);
+    int chains = deal_into_chains(tile, order, count, chain);
+    lay_chains(tile, order, count, chain, chains, starts);
+    return merge_chains(tile, place, chains, starts);
 }
 
 // Spans of every sample of the piece. False when a pool is full.
 static bool envelope(Tile *tile)
 {
-    Stack stack;
     tile->span_count = 0;
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
-        Run run = {tile->span_count, 0u};
         int row = i / TILE;
         float2 place = (float2)(sample_x(tile, row / TILE, i % TILE), sample_y(tile, row));
-        if (!envelope_sample(tile, i, place, &stack)) return false;
-        run.count = stack.levels > 0 ? stack.runs[0].count : 0u;
-        if (run.count > tile->capacity - run.start) return false;
-        for (uint k = 0; k < run.count; k++) {
-            Front front = tile->fronts[k];
+        int count = envelope_sample(tile, i, place);
+        if (count < 0 || (uint)count > tile->capacity - tile->span_count) return false;
+        Run run = {tile->span_count, (uint)count};
+        for (int k = 0; k < count; k++) {
+            Front front = tile->merged[k];
             Span span = {front.t0, front.t1, front.t1 - front.t0, front.path};
-            tile->spans[run.start + k] = span;
+            tile->spans[tile->span_count++] = span;
         }
-        tile->span_count += run.count;
         tile->span_runs[i] = run;
     }
     return true;

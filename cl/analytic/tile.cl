@@ -118,6 +118,7 @@ kernel void tile(
     global ulong *counters, global float4 *rgba, global float *depth, global uint *met,
 #ifdef EXACT
     global const Depth *depths, global Visit *visits, global Front *fronts, global Front *merged,
+    global float *ordering,
 #else
     global Fragment *fragments, global Interval *interval_pool, global float *sorting,
     global Interval *sorted,
@@ -144,6 +145,7 @@ kernel void tile(
 #ifdef EXACT
         .tails = (global int *)(per_sample + 6 * ROWS * TILE),
         .visits = visits + pool, .fronts = fronts + pool, .merged = merged + pool,
+        .ordering = ordering + (size_t)worker * ORDER_ARRAYS * (grid.capacity + LANES),
 #else
         .runs = (global Run *)(per_sample + 6 * ROWS * TILE),
         .fragments = fragments + pool, .intervals = interval_pool + pool, .sorted = sorted + pool,

@@ -20,6 +20,7 @@
 #define ROWS (LAYERS * TILE)
 #define SAMPLE_WORDS 8  // scratch words per sample: heads, static_depth ... span_runs
 #define SORT_ARRAYS 9
+#define ORDER_ARRAYS 5
 #define PIXEL_VECTORS 2 // scratch float4s per pixel: color; depth, count
 
 typedef struct {
@@ -56,8 +57,9 @@ typedef struct {
     global Visit *visits;        // pool
     uint visit_count;
     global int *tails;           // last visit of each sample
-    global Front *fronts;        // pool: envelopes of the sample at hand
-    global Front *merged;        // pool: scratch
+    global Front *fronts;        // pool: intervals or envelopes of the sample at hand
+    global Front *merged;        // pool: likewise; the two take turns
+    global float *ordering;      // scratch: ORDER_ARRAYS of capacity + LANES
     ulong tests, hits;           // (path, sample) pairs that were solved, and that gave an interval
 #else
     global Fragment *fragments;  // pool

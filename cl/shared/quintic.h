@@ -51,48 +51,84 @@ static int quintic_variations(const double *b)
     return count;
 }
 
-// Halve [0, 1]: coefficients on each half, by de Casteljau's scheme.
-static void split_quintic(const double *b, double *left, double *right)
+// Coefficients on [0, t] and on [t, 1], by de Casteljau's scheme.
+static void split_quintic(const double *b, double t, double *left, double *right)
 {
     double c[QUINTIC];
     for (int i = 0; i < QUINTIC; i++) c[i] = b[i];
     for (int k = 0; k < QUINTIC; k++) {
         left[k] = c[0];
         right[QUINTIC - 1 - k] = c[QUINTIC - 1 - k];
-        for (int i = 0; i + 1 < QUINTIC - k; i++) c[i] = 0.5 * (c[i] + c[i + 1]);
+        for (int i = 0; i + 1 < QUINTIC - k; i++) c[i] += t * (c[i + 1] - c[i]);
     }
 }
 
-#define QUINTIC_DEPTH 30
+static double quintic_at(const double *b, double t)
+{
+    double c[QUINTIC];
+    for (int i = 0; i < QUINTIC; i++) c[i] = b[i];
+    for (int k = QUINTIC - 1; k > 0; k--)
+        for (int i = 0; i < k; i++) c[i] += t * (c[i + 1] - c[i]);
+    return c[0];
+}
+
+#define QUINTIC_DEPTH 30 // roots are found to 2^-30
+
+// The only root in (0, 1), where the ends differ in sign: the secant method, with the value of an
+// end that stays halved (Illinois).
+static double quintic_only_root(const double *b)
+{
+    double low = 0.0, high = 1.0, at_low = b[0], at_high = b[QUINTIC - 1];
+    int stayed = 0;
+    for (int i = 0; i < 2 * QUINTIC_DEPTH && high - low > 1.0 / (1 << QUINTIC_DEPTH); i++) {
+        double t = i % 8 == 7 ? 0.5 * (low + high)
+                              : low + (high - low) * (at_low / (at_low - at_high));
+        // Keep off the ends, so that the bracket closes from both sides.
+        t = clamp(t, low + 0x1p-31, high - 0x1p-31);
+        double value = quintic_at(b, t);
+        if ((value < 0.0) == (at_low < 0.0)) {
+            low = t, at_low = value;
+            at_high *= stayed < 0 ? 0.5 : 1.0;
+            stayed = -1;
+        } else {
+            high = t, at_high = value;
+            at_low *= stayed > 0 ? 0.5 : 1.0;
+            stayed = 1;
+        }
+    }
+    return 0.5 * (low + high);
+}
 
 // Times in (0, 1) at which the quintic changes its sign, ascending; returns how many (0 to 5).
-// Halving goes on while a half may hold a root, down to 2^-30; two roots closer than that are none.
+// Halving goes on while a part may hold several roots, down to 2^-30; closer ones are none or one.
 static int quintic_roots(const double *b, double *roots)
 {
-    double stack[QUINTIC_DEPTH + 2][QUINTIC], start[QUINTIC_DEPTH + 2];
+    double stack[QUINTIC_DEPTH + 2][QUINTIC], start[QUINTIC_DEPTH + 2], size[QUINTIC_DEPTH + 2];
     int level[QUINTIC_DEPTH + 2], top = 0, count = 0;
     for (int i = 0; i < QUINTIC; i++) stack[0][i] = b[i];
-    start[0] = 0.0, level[0] = 0;
+    start[0] = 0.0, size[0] = 1.0, level[0] = 0;
     while (top >= 0) {
-        double here[QUINTIC], at = start[top];
+        double here[QUINTIC], at = start[top], whole = size[top];
         int depth = level[top];
         for (int i = 0; i < QUINTIC; i++) here[i] = stack[top][i];
         top--;
         int changes = quintic_variations(here);
         if (changes == 0) continue;
-        double size = 1.0 / (double)(1ul << depth);
-        if (depth == QUINTIC_DEPTH) {
-            if ((changes & 1) && count < 5) roots[count++] = at + 0.5 * size;
+        if (changes == 1 || depth == QUINTIC_DEPTH) {
+            if (here[0] * here[QUINTIC - 1] < 0.0 && count < 5)
+                roots[count++] = at + whole * quintic_only_root(here);
             continue;
         }
+        // Not at a root: neither part would see its sign change.
+        double part = 0.5;
         double left[QUINTIC], right[QUINTIC];
-        split_quintic(here, left, right);
-        top++;
-        for (int i = 0; i < QUINTIC; i++) stack[top][i] = right[i];
-        start[top] = at + 0.5 * size, level[top] = depth + 1;
-        top++;
-        for (int i = 0; i < QUINTIC; i++) stack[top][i] = left[i];
-        start[top] = at, level[top] = depth + 1;
+        split_quintic(here, part, left, right);
+        if (right[0] == 0.0) split_quintic(here, part = 0.484375, left, right);
+        for (int i = 0; i < QUINTIC; i++) stack[top + 1][i] = right[i], stack[top + 2][i] = left[i];
+        start[top + 1] = at + part * whole, size[top + 1] = (1.0 - part) * whole;
+        start[top + 2] = at, size[top + 2] = part * whole;
+        level[top + 1] = level[top + 2] = depth + 1;
+        top += 2;
     }
     return count;
 }

@@ -46,6 +46,8 @@ FRONT = np.dtype([(name, "f4") for name in ("t0", "t1", "near", "far")] + [("pat
 SPAN = np.dtype([("t0", "f4"), ("t1", "f4"), ("weight", "f4"), ("source", "u4")])
 SORTING = np.dtype(("V", 4 * 9))
 """Scratch of the sort for one interval: nine words, in nine arrays (``SORT_ARRAYS``)."""
+ORDERING = np.dtype(("V", 4 * 5))
+"""Scratch of the envelope for one interval: five words, in five arrays (``ORDER_ARRAYS``)."""
 RUN = np.dtype([("start", "u4"), ("count", "u4")])
 
 NONE = 0xFFFFFFFF
