@@ -69,4 +69,5 @@ def render(
         resolution=(width, height),
         origin=region[:2],
         metadata=frame_metadata(scene, exposure, settings),
+        transparent=settings.transparent,
     )
