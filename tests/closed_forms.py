@@ -108,3 +108,13 @@ def pivot_time(
     before = first[0] * p[..., 1] - first[1] * p[..., 0]
     after = last[0] * p[..., 1] - last[1] * p[..., 0]
     return before / (before - after)
+
+
+def pivoting(size: tuple[int, int]) -> tuple[Scene, np.ndarray]:
+    """A big triangle that turns about a corner, and when its leading edge meets the samples."""
+    pivot, start, end = np.array([-20.0, 8.0]), np.array([90.0, 2.0]), np.array([90.0, 15.0])
+    low = np.array([-20.0, 400.0])
+    corners = np.array([[pivot, low, start], [pivot, low, end]])
+    mesh = Mesh(positions=world(corners, 2.0, size), faces=[[0, 1, 2]], shading="unlit")
+    x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    return scene([mesh]), pivot_time(np.stack([x, y], -1), pivot, start, end)

@@ -7,7 +7,7 @@ import pytest
 from closed_forms import (
     UNIT_CAMERA,
     overlap,
-    pivot_time,
+    pivoting,
     rectangle,
     scene,
     slab,
@@ -87,16 +87,6 @@ def test_a_slab_behind_a_slit_is_seen_through_the_slit_only():
     open_ = (x > 10) & (x < 14)
     assert image[:, 1] == pytest.approx(np.where(open_, t1 - t0, 0.25), abs=1e-9)
     assert image[:, 3] == pytest.approx(np.where(open_, t1 - t0, 1.0), abs=1e-9)
-
-
-def pivoting(size: tuple[int, int]) -> tuple[Scene, np.ndarray]:
-    """A big triangle that turns about a corner, and when its leading edge meets the samples."""
-    pivot, start, end = np.array([-20.0, 8.0]), np.array([90.0, 2.0]), np.array([90.0, 15.0])
-    low = np.array([-20.0, 400.0])
-    corners = np.array([[pivot, low, start], [pivot, low, end]])
-    mesh = Mesh(positions=world(corners, 2.0, size), faces=[[0, 1, 2]], shading="unlit")
-    x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
-    return scene([mesh]), pivot_time(np.stack([x, y], -1), pivot, start, end)
 
 
 def test_exact_paths_meet_the_closed_form_of_a_pivoting_edge():
