@@ -1,6 +1,6 @@
 """The analytic path: visibility solved as time intervals.
 
-    exact:        paths -> bin -> [nearest -> solve -> envelope -> shade -> resolve]
+    exact:        paths -> bin -> [nearest -> solve -> envelope (or mask) -> shade -> resolve]
     triangulated: paths -> bin -> [nearest -> rasterize -> intervals -> sort -> occlude
                                    -> shade -> resolve]              (Hong & Oh 2017)
 
@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 
 TILE_STAGES = (
     *("nearest", "rasterize", "intervals", "sort", "occlude"),
-    *("solve", "envelope", "shade", "resolve"),
+    *("solve", "envelope", "mask", "shade", "resolve"),
 )
 """Stages of the fused kernel, in the order in which it counts their time."""
 

@@ -17,10 +17,6 @@ if TYPE_CHECKING:
     from mbinterval.scene.model import Scene
 
 _SAMPLES_AT_A_TIME = 1024
-_TIME_STAGES = {
-    "exact": ("solve", "envelope"),
-    "triangulated": ("rasterize", "intervals", "sort", "occlude"),
-}
 _POOL_RECORDS = 65536
 
 Crop = tuple[int, int, int, int]
@@ -85,19 +81,20 @@ def make_plan(
     active = {effect.macro for effect in effects if effect.active}
     tile = settings.tile_size
     layers = max(1, min(settings.samples, _SAMPLES_AT_A_TIME // tile**2))
-    sizes = {
+    sizes: dict[str, int | str] = {
         "TILE": tile,
         "SAMPLES": settings.samples,
         "LAYERS": layers,
         "STATIC_PATHS": f"{motion.static_paths}u",
     }
-    if "MOVING" in active and "EXACT" not in active:
-        sizes["MASK_BITS"] = settings.occlusion
+    if "MOVING" in active:
+        if settings.occlusion != "exact":
+            sizes["MASK_BITS"] = settings.occlusion
         if settings.max_intervals is not None:
             sizes["MAX_INTERVALS"] = settings.max_intervals
     if active & {"PHONG", "TEXTURED", "VERTEX_COLOR"}:
         sizes["TEXTURE_SAMPLES"] = settings.texture_samples
-    timed = _TIME_STAGES[settings.paths] if "MOVING" in active else ()
+    timed = _time_stages(settings) if "MOVING" in active else ()
     return Plan(
         width=width,
         height=height,
@@ -118,6 +115,12 @@ def make_plan(
         samples=settings.samples,
         capacity=capacity if timed else 1,
     )
+
+
+def _time_stages(settings: Settings) -> tuple[str, ...]:
+    if settings.paths == "triangulated":
+        return ("rasterize", "intervals", "sort", "occlude")
+    return ("solve", "envelope" if settings.occlusion == "exact" else "mask")
 
 
 def _effects(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:
@@ -169,6 +172,12 @@ def _effects(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
             settings.pairing == "depth" and paths > static,
             f"pairing={settings.pairing!r}",
             "PAIR_BY_DEPTH",
+        ),
+        Effect(
+            "partial bits",
+            settings.partial_bits and settings.occlusion != "exact" and paths > static,
+            f"partial_bits={settings.partial_bits}",
+            "PARTIAL_BITS",
         ),
     )
 

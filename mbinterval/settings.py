@@ -9,8 +9,8 @@ from typing import Any
 
 from mbinterval.errors import UsageError
 
-MASK_BITS = (32, 64, 128, 256)
-"""Numbers of bits that an occlusion mask may have."""
+OCCLUSIONS = ("exact", 32, 64, 128, 256, 512, 1024)
+"""Ways to decide visibility: exactly, or by a mask of so many bits."""
 
 _CHOICES: dict[str, tuple[str, ...]] = {
     "method": ("analytic",),
@@ -30,16 +30,22 @@ class Settings:
     method
         ``"analytic"``: visibility is solved as time intervals.
     paths
-        ``"triangulated"``: the motion path of a triangle is two caps and twelve side triangles,
-        or two per side where a moving edge's two positions cross (Hong & Oh 2017, 4.2).
+        ``"exact"``: the times at which a triangle covers a sample are the roots of its moving
+        edges. ``"triangulated"``: the motion path of a triangle is two caps and twelve side
+        triangles, or two per side where a moving edge's two positions cross (Hong & Oh 2017,
+        4.2), and depth is linear in time along an interval.
     pairing
-        How the fragments of one path become intervals: ``"time"`` pairs them in order of time,
-        ``"depth"`` in order of depth, as published (Hong & Oh 2017, 3.3).
+        How the fragments of one triangulated path become intervals: ``"time"`` pairs them in
+        order of time, ``"depth"`` in order of depth, as published (Hong & Oh 2017, 3.3).
     occlusion
-        Bits of the occlusion mask: 32, 64, 128 or 256 (Hong & Oh 2017, 3.3).
+        ``"exact"``, or the bits of an occlusion mask: 32, 64, 128, 256, 512 or 1024 (Hong & Oh
+        2017, 3.3). A bit stands for its part of the shutter and belongs to an interval when its
+        centre does.
+    partial_bits
+        With a mask, let what is seen begin and end inside a bit, where its interval does.
     max_intervals
-        Keep only this many intervals per sample, those of least minimum depth; None keeps all.
-        Hong & Oh use 90.
+        Triangulated paths only: keep this many intervals per sample, those of least minimum
+        depth; None keeps all. Hong & Oh use 90.
     samples
         Spatial samples per pixel, 1 to 256. One sample is the pixel's centre.
     pattern
@@ -59,9 +65,10 @@ class Settings:
     """
 
     method: str = "analytic"
-    paths: str = "triangulated"
+    paths: str = "exact"
     pairing: str = "time"
-    occlusion: int = 128
+    occlusion: str | int = "exact"
+    partial_bits: bool = False
     max_intervals: int | None = None
     samples: int = 4
     pattern: str = "fixed"
@@ -78,8 +85,8 @@ class Settings:
             value = getattr(self, name)
             if value not in choices:
                 raise UsageError(f"{name}={value!r}: expected one of {_listed(choices)}")
-        if self.occlusion not in MASK_BITS:
-            raise UsageError(f"occlusion={self.occlusion!r}: expected one of {_listed(MASK_BITS)}")
+        if self.occlusion not in OCCLUSIONS:
+            raise UsageError(f"occlusion={self.occlusion!r}: expected one of {_listed(OCCLUSIONS)}")
         _check_range("samples", self.samples, 1, 256)
         _check_range("texture_samples", self.texture_samples, 1, 1024)
         _check_range("seed", self.seed, 0, 2**32 - 1)

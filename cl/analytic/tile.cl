@@ -2,7 +2,7 @@
 // the stages on them in order; its scratch memory stays in cache and is bounded.
 //
 //     triangulated: nearest -> rasterize -> intervals -> sort -> occlude -> shade -> resolve
-//     exact:        nearest -> solve -> envelope -> shade -> resolve
+//     exact:        nearest -> solve -> envelope -> shade -> resolve, or mask for envelope
 //
 // Stages between nearest and shade exist only where something moves. Nothing is lost when a pool is
 // full: the piece of the tile at hand is done again in halves. Only when a single row of samples
@@ -13,7 +13,11 @@
 #endif
 #if defined(MOVING) && defined(EXACT)
 #include "analytic/solve.cl"
+#ifdef MASK_BITS
+#include "analytic/mask.cl"
+#else
 #include "analytic/envelope.cl"
+#endif
 #elif defined(MOVING)
 #include "analytic/rasterize.cl"
 #include "analytic/intervals.cl"
@@ -24,7 +28,7 @@
 #include "analytic/resolve.cl"
 
 // What a work-item counts: ticks of each stage, and pairs that were tested and hit.
-enum { NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, SHADE, RESOLVE, TESTS, HITS,
+enum { NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, SHADE, RESOLVE, TESTS, HITS,
        COUNTERS };
 
 #ifdef HAS_CYCLE_COUNTER
@@ -51,7 +55,11 @@ static bool render_piece(Tile *tile, global ulong *ticks)
 #endif
 #if defined(MOVING) && defined(EXACT)
     if (!clocked(solve(tile), SOLVE, ticks, &clock)) return false;
+#ifdef MASK_BITS
+    if (!clocked(mask(tile), MASK, ticks, &clock)) return false;
+#else
     if (!clocked(envelope(tile), ENVELOPE, ticks, &clock)) return false;
+#endif
 #elif defined(MOVING)
     if (!clocked(rasterize(tile), RASTERIZE, ticks, &clock)) return false;
     if (!clocked(intervals(tile), INTERVALS, ticks, &clock)) return false;
