@@ -25,7 +25,7 @@ from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.errors import CapacityError
 from mbinterval.motion import Motion
 from mbinterval.plan import Plan
-from mbinterval.sampling import fixed_pattern
+from mbinterval.sampling import fixed_slots
 from mbinterval.scene.exposure import Exposure
 
 _log = logging.getLogger(__name__)
@@ -39,7 +39,7 @@ TILE_STAGES = (
 _COUNTERS = (*TILE_STAGES, "tests", "hits")
 _SHARED_ARGUMENTS = (
     *("vertices", "paths", "shapes", "meshes", "materials", "face_color", "color", "uv", "normal"),
-    *("textures", "texels", "lights", "cameras", "offsets", "background"),
+    *("textures", "texels", "lights", "cameras", "slots", "background"),
     *("starts", "members", "queue", "next", "failed", "samples", "pixels", "counters"),
     *("rgba", "depth", "met"),
 )
@@ -55,7 +55,7 @@ _TRIANGULATED_POOLS = {
     "sorting": records.SORTING,
     "sorted": records.INTERVAL,
 }
-_SAMPLE_WORDS, _PIXEL_VECTORS, _LANES = 8, 2, 16
+_SAMPLE_WORDS, _PIXEL_VECTORS, _LANES = 14, 2, 16
 _PATHS_PER_ITEM = 256
 _BIN_CHUNKS = 64
 _GROWTH = 4
@@ -112,7 +112,7 @@ def _upload(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) ->
         "textures": looks.textures,
         "texels": looks.texels,
         "lights": looks.lights,
-        "offsets": fixed_pattern(plan.samples),
+        "slots": fixed_slots(plan.samples),
         "background": background,
     }
     buffers: Buffers = {name: runtime.upload(array) for name, array in arrays.items()}

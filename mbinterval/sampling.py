@@ -7,6 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.device import records
+
 _GRID = 1024
 """Offsets are multiples of 1/1024, so that a sample's position is exact in float32."""
 
@@ -30,3 +32,13 @@ def fixed_pattern(count: int) -> NDArray[np.float32]:
             best, best_distance = generator, distance
     points = np.stack([index, index * best % count], axis=1) / count + 0.5 / count
     return (np.round(points * _GRID) / _GRID).astype(np.float32)
+
+
+def fixed_slots(count: int) -> NDArray[np.void]:
+    """Return the fixed pattern as ``Slot`` records."""
+    slots = np.zeros(count, records.SLOT)
+    x, y = fixed_pattern(count).T
+    slots["x_low"] = slots["x_high"] = x
+    slots["y_low"] = slots["y_high"] = y
+    slots["weight"] = 1.0
+    return slots

@@ -12,14 +12,16 @@ typedef struct {
     Mesh mesh;
     Material material;
     uint segment;
-    float x, y; // sample
+    Place place;
     float2 uv[6];
     float3 normal[6], color[6];
+    float circle[6];
 } Shaded;
 
 typedef struct {
     float2 uv;
     float3 normal, color;
+    float circle;
 } Attributes;
 
 static inline uint corner_vertex(Path path, int corner)
@@ -61,7 +63,10 @@ static void load_corners(const Tile *tile, Shaded *s)
 {
     Mesh mesh = s->mesh;
     for (int i = 0; i < 6; i++) {
-        s->uv[i] = 0.0f, s->normal[i] = 0.0f, s->color[i] = 1.0f;
+        s->uv[i] = 0.0f, s->normal[i] = 0.0f, s->color[i] = 1.0f, s->circle[i] = 0.0f;
+#ifdef LENS
+        s->circle[i] = (float)tile->scene.vertices[corner_vertex(s->path, i)].circle;
+#endif
         if (mesh.uv != NONE)
             s->uv[i] = vload2(attribute_index(s, mesh.uv, mesh.uv_step, i), tile->scene.uvs);
         if (mesh.color != NONE)
@@ -81,27 +86,31 @@ static void load_corners(const Tile *tile, Shaded *s)
 
 static Attributes blend_corners(const Shaded *s, const float *weights)
 {
-    Attributes a = {0.0f, 0.0f, 0.0f};
+    Attributes a = {0.0f, 0.0f, 0.0f, 0.0f};
     for (int i = 0; i < 6; i++) {
         a.uv += weights[i] * s->uv[i];
         a.normal += weights[i] * s->normal[i];
         a.color += weights[i] * s->color[i];
+        a.circle += weights[i] * s->circle[i];
     }
     return a;
 }
 
 #ifdef PHONG
-// Reflected light at time t, when the surface is seen at depth w.
-static float3 reflect_light(const Tile *tile, const Shaded *s, float3 normal, float3 color, float t,
-                            float w)
+// Reflected light at time t, when the surface is seen at depth w; `circle` is its circle of confusion
+// times w.
+static float3 reflect_light(const Tile *tile, const Shaded *s, float3 normal, float3 color,
+                            float circle, float t, float w)
 {
+    // The pixel where the point would be seen through the middle of the lens.
+    double x = s->place.x - s->place.u * circle / w, y = s->place.y - s->place.v * circle / w;
     float tau = (t - s->path.open) / s->path.length;
     global const Camera *c0 = segment_camera(tile, s, 0), *c1 = segment_camera(tile, s, 1);
     float ray[3], eye[3];
     for (int i = 0; i < 3; i++) {
         global const double *m0 = c0->inverse + 3 * i, *m1 = c1->inverse + 3 * i;
-        double start = m0[0] * s->x + m0[1] * s->y + m0[2];
-        double end = m1[0] * s->x + m1[1] * s->y + m1[2];
+        double start = m0[0] * x + m0[1] * y + m0[2];
+        double end = m1[0] * x + m1[1] * y + m1[2];
         ray[i] = (float)(start + (end - start) * tau);
         eye[i] = (float)(c0->eye[i] + (c1->eye[i] - c0->eye[i]) * tau);
     }

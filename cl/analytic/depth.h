@@ -3,7 +3,7 @@
 #ifndef MB_DEPTH_H
 #define MB_DEPTH_H
 
-#include "analytic/tile.h"
+#include "analytic/edges.h"
 #include "shared/bernstein.h"
 #include "shared/quintic.h"
 
@@ -13,13 +13,21 @@ typedef struct {
     float open, length;
 } DepthCurve;
 
-static DepthCurve depth_curve(const Tile *tile, uint path_index, float x, float y)
+static DepthCurve depth_curve(const Tile *tile, uint path_index, Place place)
 {
-    global const Depth *depth = tile->scene.depths + path_index;
     DepthCurve curve;
+#ifdef LENS
+    MovingTriangle triangle;
+    load_moving(tile->scene.vertices, tile->scene.paths[path_index],
+                tile->scene.shapes[path_index].flags, &triangle);
+    depth_of_edges(&triangle, place, curve.d, curve.e);
+#else
+    global const Depth *depth = tile->scene.depths + path_index;
+    double x = place.x, y = place.y;
     for (int i = 0; i < 4; i++) curve.d[i] = depth->d[i];
     for (int i = 0; i < 3; i++)
-        curve.e[i] = fma((double)x, depth->x[i], fma((double)y, depth->y[i], depth->w[i]));
+        curve.e[i] = fma(x, depth->x[i], fma(y, depth->y[i], depth->w[i]));
+#endif
     curve.open = tile->scene.paths[path_index].open;
     curve.length = tile->scene.paths[path_index].length;
     return curve;
@@ -59,10 +67,10 @@ static bool surely_before(const DepthCurve *a, const DepthCurve *b)
 
 // Compare two paths on [low, high): how often they change order, at which times, and whether a is in
 // front at first. Equal depths throughout: the path with the lower index is in front.
-static int compare_depths(const Tile *tile, uint a, uint b, float x, float y, double low,
-                          double high, double *times, bool *a_first)
+static int compare_depths(const Tile *tile, uint a, uint b, Place place, double low, double high,
+                          double *times, bool *a_first)
 {
-    DepthCurve ca = depth_curve(tile, a, x, y), cb = depth_curve(tile, b, x, y);
+    DepthCurve ca = depth_curve(tile, a, place), cb = depth_curve(tile, b, place);
     ca = restrict_curve(&ca, low, high), cb = restrict_curve(&cb, low, high);
     *a_first = surely_before(&ca, &cb);
     if (*a_first || surely_before(&cb, &ca)) return 0;

@@ -9,10 +9,13 @@
 #ifndef MB_EDGES_H
 #define MB_EDGES_H
 
-#include "shared/records.h"
+#include "analytic/tile.h"
 
 typedef struct {
     double x[6], y[6], w[6]; // vertices 0 1 2 at the segment's start, 3 4 5 at its end
+#ifdef LENS
+    double circle[6];
+#endif
     uint reversed;           // bit of edge i
 } MovingTriangle;
 
@@ -22,6 +25,9 @@ static void load_moving(global const Vertex *vertices, Path path, uint flags, Mo
     for (int i = 0; i < 6; i++) {
         Vertex v = vertices[corner[i % 3] + (i < 3 ? 0u : path.step)];
         m->x[i] = v.x, m->y[i] = v.y, m->w[i] = v.w;
+#ifdef LENS
+        m->circle[i] = v.circle;
+#endif
     }
     // Side s of a path joins vertices s and s + 1: it is edge s + 2.
     uint sides = flags / SHAPE_REVERSED & 7u;
@@ -44,15 +50,34 @@ static inline double cross2(double px, double py, double qx, double qy)
     return fma(px, qy, -(qx * py));
 }
 
-// Bernstein coefficients of edge i's function at the sample (x, y).
-static void edge_function(const MovingTriangle *m, int i, double x, double y, double *b)
+// Vertex i relative to the sample, as seen through its point of the lens.
+static inline double shifted_x(const MovingTriangle *m, int i, Place p)
+{
+    double x = m->x[i];
+#ifdef LENS
+    x = fma((double)p.u, m->circle[i], x);
+#endif
+    return fma(-(double)p.x, m->w[i], x);
+}
+
+static inline double shifted_y(const MovingTriangle *m, int i, Place p)
+{
+    double y = m->y[i];
+#ifdef LENS
+    y = fma((double)p.v, m->circle[i], y);
+#endif
+    return fma(-(double)p.y, m->w[i], y);
+}
+
+// Bernstein coefficients of edge i's function at the sample.
+static void edge_function(const MovingTriangle *m, int i, Place place, double *b)
 {
     int p = edge_first(m, i), q = edge_second(m, i);
     double sign = (m->reversed >> i & 1u) ? -1.0 : 1.0;
-    double px = fma(-x, m->w[p], m->x[p]), py = fma(-y, m->w[p], m->y[p]);
-    double qx = fma(-x, m->w[q], m->x[q]), qy = fma(-y, m->w[q], m->y[q]);
-    double rx = fma(-x, m->w[p + 3], m->x[p + 3]), ry = fma(-y, m->w[p + 3], m->y[p + 3]);
-    double sx = fma(-x, m->w[q + 3], m->x[q + 3]), sy = fma(-y, m->w[q + 3], m->y[q + 3]);
+    double px = shifted_x(m, p, place), py = shifted_y(m, p, place);
+    double qx = shifted_x(m, q, place), qy = shifted_y(m, q, place);
+    double rx = shifted_x(m, p + 3, place), ry = shifted_y(m, p + 3, place);
+    double sx = shifted_x(m, q + 3, place), sy = shifted_y(m, q + 3, place);
     b[0] = sign * cross2(px, py, qx, qy);
     b[1] = sign * (0.5 * (cross2(px, py, sx, sy) + cross2(rx, ry, qx, qy)));
     b[2] = sign * cross2(rx, ry, sx, sy);
@@ -60,20 +85,46 @@ static void edge_function(const MovingTriangle *m, int i, double x, double y, do
 
 // What an edge function that is zero throughout becomes when the sample moves by (eps, eps^2): its
 // derivative along x, or, where that is zero throughout too, along y.
-static void edge_derivative(const MovingTriangle *m, int i, double x, double y, bool along_x,
-                            double *b)
+static void edge_derivative(const MovingTriangle *m, int i, Place place, bool along_x, double *b)
 {
     int p = edge_first(m, i), q = edge_second(m, i);
     double sign = (m->reversed >> i & 1u) ? -1.0 : 1.0;
     double wp[2] = {m->w[p], m->w[p + 3]}, wq[2] = {m->w[q], m->w[q + 3]}, vp[2], vq[2];
     for (int k = 0; k < 2; k++) {
         int u = p + 3 * k, v = q + 3 * k;
-        vp[k] = along_x ? fma(-y, m->w[u], m->y[u]) : -fma(-x, m->w[u], m->x[u]);
-        vq[k] = along_x ? fma(-y, m->w[v], m->y[v]) : -fma(-x, m->w[v], m->x[v]);
+        vp[k] = along_x ? shifted_y(m, u, place) : -shifted_x(m, u, place);
+        vq[k] = along_x ? shifted_y(m, v, place) : -shifted_x(m, v, place);
     }
     b[0] = sign * cross2(vp[0], wp[0], vq[0], wq[0]);
     b[1] = sign * (0.5 * (cross2(vp[0], wp[0], vq[1], wq[1]) + cross2(vp[1], wp[1], vq[0], wq[0])));
     b[2] = sign * cross2(vp[1], wp[1], vq[1], wq[1]);
 }
+
+// An edge function that is nowhere zero throughout, if the triangle is not degenerate.
+static void perturbed_edge_function(const MovingTriangle *m, int i, Place place, double *b)
+{
+    edge_function(m, i, place, b);
+    for (int along_x = 1; along_x >= 0 && b[0] == 0.0 && b[1] == 0.0 && b[2] == 0.0; along_x--)
+        edge_derivative(m, i, place, along_x, b);
+}
+
+#ifdef LENS
+// Determinant of the three vertices over time as seen through a point of the lens, the sum of the
+// edge functions times w, and the sum of the edge functions.
+static void depth_of_edges(const MovingTriangle *m, Place place, double *d, double *e)
+{
+    for (int k = 0; k < 4; k++) d[k] = 0.0;
+    for (int k = 0; k < 3; k++) e[k] = 0.0;
+    for (int i = 0; i < 3; i++) {
+        double b[3], w0 = m->w[i], w1 = m->w[i + 3];
+        edge_function(m, i, place, b);
+        for (int k = 0; k < 3; k++) e[k] += b[k];
+        d[0] += b[0] * w0;
+        d[1] += (2.0 * (b[1] * w0) + b[0] * w1) / 3.0;
+        d[2] += (b[2] * w0 + 2.0 * (b[1] * w1)) / 3.0;
+        d[3] += b[2] * w1;
+    }
+}
+#endif
 
 #endif

@@ -36,7 +36,7 @@ static void append_front(Writer *w, Front front, float t0, float t1)
 }
 
 // Append the nearer of two fronts in [t0, t1), where both are.
-static void append_nearer(const Tile *tile, float2 place, Writer *w, Front a, Front b, float t0,
+static void append_nearer(const Tile *tile, Place place, Writer *w, Front a, Front b, float t0,
                           float t1)
 {
     if (a.far < b.near || b.far < a.near) {
@@ -45,7 +45,7 @@ static void append_nearer(const Tile *tile, float2 place, Writer *w, Front a, Fr
     }
     double times[5];
     bool a_first;
-    int changes = compare_depths(tile, a.path, b.path, place.x, place.y, t0, t1, times, &a_first);
+    int changes = compare_depths(tile, a.path, b.path, place, t0, t1, times, &a_first);
     for (int i = 0; i <= changes; i++, a_first = !a_first) {
         float end = i < changes ? (float)times[i] : t1;
         append_front(w, a_first ? a : b, t0, end);
@@ -54,7 +54,7 @@ static void append_nearer(const Tile *tile, float2 place, Writer *w, Front a, Fr
 }
 
 // Merge two envelopes of the sample at `place`.
-static void merge_envelopes(const Tile *tile, float2 place, global const Front *a, int a_count,
+static void merge_envelopes(const Tile *tile, Place place, global const Front *a, int a_count,
                             global const Front *b, int b_count, Writer *w)
 {
     int i = 0, k = 0;
@@ -168,8 +168,7 @@ static int gather_fronts(Tile *tile, int sample)
     Cover cover = {.count = 0};
     int count = 0;
 #ifdef STATIC
-    float behind = tile->static_depth[sample];
-    if (behind < INFINITY) {
+    if (tile->static_depth[sample] < INFINITY) {
         tile->fronts[0] = front_of(tile, tile->static_part[sample] >> PART_BITS, 0.0f, 1.0f);
         tile->ordering[count++] = 0.0f;
         add_cover(&cover, tile->fronts[0]);
@@ -228,7 +227,7 @@ static void lay_chains(Tile *tile, global const int *order, int count, global co
 
 // Merge neighbouring envelopes of the pool `merged` until one is left, in passes from one pool to
 // the other and back. Returns its length, or -1 when a pool is full.
-static int merge_chains(Tile *tile, float2 place, int chains, global int *starts)
+static int merge_chains(Tile *tile, Place place, int chains, global int *starts)
 {
     while (chains > 1) {
         Writer w = {tile->fronts, 0, 0, false};
@@ -249,7 +248,7 @@ static int merge_chains(Tile *tile, float2 place, int chains, global int *starts
 }
 
 // The sample's envelope, in the pool `merged`; returns its length, or -1 when a pool is full.
-static int envelope_sample(Tile *tile, int sample, float2 place)
+static int envelope_sample(Tile *tile, int sample, Place place)
 {
     int count = gather_fronts(tile, sample);
     if (count < 2) {
@@ -269,8 +268,7 @@ static bool envelope(Tile *tile)
 {
     tile->span_count = 0;
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
-        int row = i / TILE;
-        float2 place = (float2)(sample_x(tile, row / TILE, i % TILE), sample_y(tile, row));
+        Place place = place_of(tile, i);
         int count = envelope_sample(tile, i, place);
         if (count < 0 || (uint)count > tile->capacity - tile->span_count) return false;
         Run run = {tile->span_count, (uint)count};

@@ -125,7 +125,7 @@ static bool sample_intervals(Tile *tile, int sample)
     }
 #ifdef STATIC
     if (tile->static_depth[sample] < INFINITY) {
-        float w = tile->static_depth[sample];
+        float w = (float)tile->static_depth[sample];
         Interval interval = {0.0f, 1.0f, w, w, tile->static_part[sample], tile->static_part[sample]};
         return append_interval(tile, interval);
     }

@@ -31,11 +31,11 @@ static inline Visit owned_visit(const Tile *tile, int sample, int owner)
 }
 
 // Give an owner the bits in which it is nearest so far.
-static void take_nearest(const Tile *tile, int sample, float2 place, int own, double *nearness,
+static void take_nearest(const Tile *tile, int sample, Place place, int own, double *nearness,
                          int *owner)
 {
     Visit visit = owned_visit(tile, sample, own);
-    DepthCurve curve = depth_curve(tile, visit.path, place.x, place.y);
+    DepthCurve curve = depth_curve(tile, visit.path, place);
     int low = first_bit(visit.t0), high = first_bit(visit.t1);
     for (int bit = low / WIDE * WIDE; bit < high; bit += WIDE) {
         double here[WIDE];
@@ -81,8 +81,7 @@ static bool mask(Tile *tile)
     int owner[MASK_BITS];
     tile->span_count = 0;
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
-        int row = i / TILE;
-        float2 place = (float2)(sample_x(tile, row / TILE, i % TILE), sample_y(tile, row));
+        Place place = place_of(tile, i);
         Run run = {tile->span_count, 0u};
         for (int bit = 0; bit < MASK_BITS; bit++) owner[bit] = FREE;
 #ifdef STATIC

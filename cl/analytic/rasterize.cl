@@ -63,7 +63,7 @@ static bool rasterize_samples(Tile *tile, const Surface *surface, uint path_inde
 {
     Lanes x[CORNERS];
     Lanes sample = convert_float16((int)(tile->x + column) + convert_int16(LANE_INDEX))
-                   + tile->scene.offsets[tile->layer + row / TILE].x;
+                   + tile->scene.slots[tile->layer + row / TILE].x_low;
     int below = 0;
     for (int i = 0; i < CORNERS; i++) {
         x[i] = lanes_shift(surface->x[i], surface->x_low[i], sample, surface->w[i],

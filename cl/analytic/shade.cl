@@ -56,7 +56,8 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
 #endif
 #ifdef PHONG
         if (s->material.flags & MATERIAL_PHONG)
-            here = reflect_light(tile, s, a.normal, here, t, span_depth(tile, span, s->x, s->y, t));
+            here = reflect_light(tile, s, a.normal, here, a.circle, t,
+                                 span_depth(tile, span, s->place, t));
 #endif
         sum += here;
     }
@@ -65,7 +66,7 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
 
 #endif // VARYING
 
-static float3 span_color(const Tile *tile, Span span, float x, float y)
+static float3 span_color(const Tile *tile, Span span, Place place)
 {
     Path path = tile->scene.paths[span_path(tile, span)];
     Mesh mesh = tile->scene.meshes[path.mesh];
@@ -76,7 +77,7 @@ static float3 span_color(const Tile *tile, Span span, float x, float y)
     if (s.material.texture == NONE && !(s.material.flags & MATERIAL_PHONG) && mesh.color == NONE)
         return color;
     s.segment = (uint)(path.open / path.length + 0.5f);
-    s.x = x, s.y = y;
+    s.place = place;
     load_corners(tile, &s);
     color = varying_color(tile, &s, span, color);
 #endif
@@ -84,25 +85,25 @@ static float3 span_color(const Tile *tile, Span span, float x, float y)
 }
 
 // Add one span to its pixel.
-static void add_span(Tile *tile, int pixel, Span span, float x, float y)
+static void add_span(Tile *tile, int pixel, Span span, Place place)
 {
-    tile->color[pixel] += span.weight * (float4)(span_color(tile, span, x, y), 1.0f);
-    tile->depth[pixel] += span.weight * span_depth(tile, span, x, y, 0.5f * (span.t0 + span.t1));
+    tile->color[pixel] += span.weight * (float4)(span_color(tile, span, place), 1.0f);
+    tile->depth[pixel] += span.weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
 }
 
 static void shade_sample(Tile *tile, int row, int column)
 {
     int sample = row * TILE + column, pixel = row % TILE * TILE + column;
-    float x = sample_x(tile, row / TILE, column), y = sample_y(tile, row);
+    Place place = place_of(tile, sample);
 #ifdef MOVING
     Run run = tile->span_runs[sample];
     for (uint i = run.start; i < run.start + run.count; i++)
-        add_span(tile, pixel, tile->spans[i], x, y);
+        add_span(tile, pixel, tile->spans[i], place);
     tile->count[pixel] += tile->met[sample];
 #elif defined(STATIC)
     if (!(tile->static_depth[sample] < INFINITY)) return;
     Span always = {0.0f, 1.0f, 1.0f, tile->static_part[sample] >> PART_BITS};
-    add_span(tile, pixel, always, x, y);
+    add_span(tile, pixel, always, place);
     tile->count[pixel]++;
 #endif
 }

@@ -120,7 +120,7 @@ kernel void tile(
     global const Mesh *meshes, global const Material *materials, global const float *face_colors,
     global const float *vertex_colors, global const float *uvs, global const float *normals,
     global const Texture *textures, global const float4 *texels, global const Light *lights,
-    global const Camera *cameras, global const float2 *offsets, global const float *background,
+    global const Camera *cameras, global const Slot *slots, global const float *background,
     global const uint *starts, global const uint *members, global const uint *queue,
     global uint *next, global uint *failed, global uint *samples, global float4 *pixels,
     global ulong *counters, global float4 *rgba, global float *depth, global uint *met,
@@ -135,27 +135,30 @@ kernel void tile(
 {
     uint worker = get_global_id(0);
     size_t pool = (size_t)worker * grid.capacity;
-    global uint *per_sample = samples + (size_t)worker * SAMPLE_WORDS * ROWS * TILE;
+    global uint *per_sample = samples + (size_t)worker * SAMPLE_WORDS * ROWS * TILE; // 8-byte aligned
     Scene scene = {
         .vertices = vertices, .paths = paths, .shapes = shapes, .meshes = meshes,
         .materials = materials, .face_colors = face_colors, .vertex_colors = vertex_colors,
         .uvs = uvs, .normals = normals, .textures = textures, .texels = texels, .lights = lights,
-        .light_count = grid.light_count, .cameras = cameras, .offsets = offsets
+        .light_count = grid.light_count, .cameras = cameras, .slots = slots
     };
     Tile tile = {
         .capacity = grid.capacity,
         .spans = spans + pool,
-        .heads = (global int *)per_sample,
-        .static_depth = (global float *)per_sample + ROWS * TILE,
+        .static_depth = (global double *)per_sample,
         .static_part = per_sample + 2 * ROWS * TILE,
-        .met = per_sample + 3 * ROWS * TILE,
-        .span_runs = (global Run *)(per_sample + 4 * ROWS * TILE),
+        .heads = (global int *)per_sample + 3 * ROWS * TILE,
+        .met = per_sample + 4 * ROWS * TILE,
+        .span_runs = (global Run *)(per_sample + 5 * ROWS * TILE),
+#ifdef PLACED
+        .places = (global Place *)(per_sample + 9 * ROWS * TILE),
+#endif
 #ifdef EXACT
-        .tails = (global int *)(per_sample + 6 * ROWS * TILE),
+        .tails = (global int *)(per_sample + 7 * ROWS * TILE),
         .visits = visits + pool, .fronts = fronts + pool, .merged = merged + pool,
         .ordering = ordering + (size_t)worker * ORDER_ARRAYS * (grid.capacity + LANES),
 #else
-        .runs = (global Run *)(per_sample + 6 * ROWS * TILE),
+        .runs = (global Run *)(per_sample + 7 * ROWS * TILE),
         .fragments = fragments + pool, .intervals = interval_pool + pool, .sorted = sorted + pool,
         .sorting = sorting + (size_t)worker * SORT_ARRAYS * (grid.capacity + LANES),
 #endif

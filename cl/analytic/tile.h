@@ -8,7 +8,8 @@
 // The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
 // time), MASK_BITS, TEXTURE_SAMPLES, STATIC_PATHS (the first paths, which do not move), and a macro
 // for each effect that the scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG, TEXTURED,
-// VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, MAX_INTERVALS.
+// VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, MAX_INTERVALS, PLACED
+// (samples lie differently in every pixel), LENS.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
@@ -18,7 +19,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 
 #define ROWS (LAYERS * TILE)
-#define SAMPLE_WORDS 8  // scratch words per sample: heads, static_depth ... span_runs
+#define SAMPLE_WORDS 14 // scratch words per sample: static_depth ... places
 #define SORT_ARRAYS 9
 #define ORDER_ARRAYS 5
 #define PIXEL_VECTORS 2 // scratch float4s per pixel: color; depth, count
@@ -39,8 +40,13 @@ typedef struct {
     global const Light *lights;
     uint light_count;
     global const Camera *cameras;
-    global const float2 *offsets; // of the samples in their pixel, [0, 1)
+    global const Slot *slots;      // of the samples of a pixel
 } Scene;
+
+// A sample: its place in the frame, in pixels, and the point of the lens that it looks through.
+typedef struct {
+    float x, y, u, v;
+} Place;
 
 typedef struct {
     Scene scene;
@@ -51,6 +57,9 @@ typedef struct {
     int row_low, row_high;       // rows of the piece
     global const uint *members;  // paths that may touch the tile, ascending
     uint member_count, static_count;
+#ifdef PLACED
+    global Place *places;        // of the piece's samples
+#endif
     uint capacity;               // records that each pool holds
     global int *heads;           // first fragment or visit of each sample
 #ifdef EXACT
@@ -74,7 +83,7 @@ typedef struct {
     global Span *spans;          // pool
     uint span_count;
     global Run *span_runs;       // spans of each sample
-    global float *static_depth;  // of the nearest static surface
+    global double *static_depth; // of the nearest static surface
     global uint *static_part;
     global uint *met;            // intervals met by each sample
     global float4 *color;        // per pixel: sums over samples, alpha last
@@ -82,15 +91,22 @@ typedef struct {
     global uint *count;          // intervals met
 } Tile;
 
-// Place of a sample in the frame. Whole columns and rows plus an offset: the same bits in any tile.
-static inline float sample_x(const Tile *tile, int layer, int column)
-{
-    return (float)(tile->x + column) + tile->scene.offsets[tile->layer + layer].x;
-}
-
 static inline float sample_y(const Tile *tile, int row)
 {
-    return (float)(tile->y + row % TILE) + tile->scene.offsets[tile->layer + row / TILE].y;
+    return (float)(tile->y + row % TILE) + tile->scene.slots[tile->layer + row / TILE].y_low;
+}
+
+static inline Place place_of(const Tile *tile, int sample)
+{
+#ifdef PLACED
+    return tile->places[sample];
+#else
+    // Whole columns and rows plus an offset: the same bits in any tile.
+    int row = sample / TILE, column = sample % TILE;
+    float x = (float)(tile->x + column) + tile->scene.slots[tile->layer + row / TILE].x_low;
+    Place place = {x, sample_y(tile, row), 0.0f, 0.0f};
+    return place;
+#endif
 }
 
 static inline bool row_is_rendered(const Tile *tile, int row)

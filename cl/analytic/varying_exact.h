@@ -13,9 +13,9 @@ typedef struct {
 
 static inline uint span_path(const Tile *tile, Span span) { return span.source; }
 
-static inline float span_depth(const Tile *tile, Span span, float x, float y, float t)
+static inline float span_depth(const Tile *tile, Span span, Place place, float t)
 {
-    DepthCurve curve = depth_curve(tile, span.source, x, y);
+    DepthCurve curve = depth_curve(tile, span.source, place);
     return (float)curve_depth(&curve, t);
 }
 
@@ -24,7 +24,7 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     Varying v;
     MovingTriangle triangle;
     load_moving(tile->scene.vertices, s->path, tile->scene.shapes[span.source].flags, &triangle);
-    for (int i = 0; i < 3; i++) edge_function(&triangle, i, s->x, s->y, v.edge[i]);
+    for (int i = 0; i < 3; i++) edge_function(&triangle, i, s->place, v.edge[i]);
     return v;
 }
 

@@ -17,7 +17,7 @@ static inline uint span_path(const Tile *tile, Span span)
     return tile->sorted[span.source].first >> PART_BITS;
 }
 
-static inline float span_depth(const Tile *tile, Span span, float x, float y, float t)
+static inline float span_depth(const Tile *tile, Span span, Place place, float t)
 {
     Interval i = tile->sorted[span.source];
     return i.w0 + (i.w1 - i.w0) * ((t - i.t0) / (i.t1 - i.t0));
@@ -67,9 +67,9 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     if ((first & face) == PART_EYE) first = last;
     if ((last & face) == PART_EYE) last = first;
     float weights[6];
-    v.t0 = fragment_weights(&surface, first & face, s->x, s->y, weights);
+    v.t0 = fragment_weights(&surface, first & face, s->place.x, s->place.y, weights);
     v.start = blend_corners(s, weights);
-    float t1 = fragment_weights(&surface, last & face, s->x, s->y, weights);
+    float t1 = fragment_weights(&surface, last & face, s->place.x, s->place.y, weights);
     v.end = blend_corners(s, weights);
     v.over = t1 != v.t0 ? 1.0f / (s->path.length * (t1 - v.t0)) : 0.0f;
     v.t0 = s->path.open + s->path.length * v.t0;
@@ -80,7 +80,7 @@ static Attributes attributes_at(const Shaded *s, const Varying *v, float t)
 {
     float part = (t - v->t0) * v->over;
     Attributes a = {mix(v->start.uv, v->end.uv, part), mix(v->start.normal, v->end.normal, part),
-                    mix(v->start.color, v->end.color, part)};
+                    mix(v->start.color, v->end.color, part), 0.0f};
     return a;
 }
 

@@ -11,14 +11,18 @@ static bool walk_rows(const Tile *tile, global const Shape *shape, int first_row
                       int *last)
 {
     int layer = first_row / TILE, y = first_row % TILE;
-    float2 offset = tile->scene.offsets[tile->layer + layer];
-    float top = (float)(tile->y + y) + offset.y;
-    if (shape->y_max < top || shape->y_min > top + (LANES - 1)) return false;
-    double origin_x = tile->x + offset.x, origin_y = top;
+    Slot slot = tile->scene.slots[tile->layer + layer];
+    float top = (float)(tile->y + y);
+    if (shape->y_max < top + slot.y_low || shape->y_min > top + slot.y_high + (LANES - 1))
+        return false;
+    // Of where the samples of a pixel may lie, the corner that a plane favours counts.
+    double left_x = tile->x + slot.x_low, right_x = tile->x + slot.x_high;
+    double upper_y = top + slot.y_low, lower_y = top + slot.y_high;
     Lanes left = -1.0f, right = (float)TILE;
     for (uint i = 0; i < shape->planes; i++) {
         float a = shape->a[i], b = shape->b[i];
-        Lanes side = (float)(shape->c[i] + a * origin_x + b * origin_y) + b * LANE_INDEX;
+        double x = a > 0.0f ? right_x : left_x, y_at = b > 0.0f ? lower_y : upper_y;
+        Lanes side = (float)(shape->c[i] + a * x + b * y_at) + b * LANE_INDEX;
         if (a > 1e-5f) left = lanes_max(left, side * (-1.0f / a));
         else if (a < -1e-5f) right = lanes_min(right, side * (-1.0f / a));
         else right = side < -1e-2f ? (Lanes)(-1.0f) : right;

@@ -3,9 +3,10 @@
 #ifndef MB_RECORDS_H
 #define MB_RECORDS_H
 
-// A vertex in homogeneous pixel space, (X w, Y w, w).
+// A vertex in homogeneous pixel space, (X w, Y w, w). A point of the lens moves it by (u, v) times
+// circle: its circle of confusion, times w.
 typedef struct {
-    double x, y, w, unused;
+    double x, y, w, circle;
 } Vertex;
 
 // Vertices that are transformed alike: one mesh at one time of the shutter, or a part of it.
@@ -21,7 +22,19 @@ typedef struct {
     double eye[3];
     double matrix[9];
     double inverse[9];
+    double aperture;              // lens radius times focal length, in pixels times world units
+    double focus;                 // distance in focus
+    double sharp_near, sharp_far; // extended range in focus; both are `focus` without
+    double foreground;            // greatest radius of blur before it, in pixels
 } Camera;
+
+// Where a sample of every pixel may lie, relative to the pixel's upper left corner, and what it
+// weighs. With the same pattern in every pixel low and high are equal.
+typedef struct {
+    float x_low, x_high, y_low, y_high;
+    float weight;
+    float unused[3];
+} Slot;
 
 // A motion path: one triangle over one motion segment. The end of vertex v is v + step.
 typedef struct {

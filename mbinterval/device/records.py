@@ -9,9 +9,16 @@ import numpy as np
 
 _MAX_PLANES = 8
 
-VERTEX = np.dtype([("x", "f8"), ("y", "f8"), ("w", "f8"), ("unused", "f8")])
+VERTEX = np.dtype([("x", "f8"), ("y", "f8"), ("w", "f8"), ("circle", "f8")])
 VERTEX_JOB = np.dtype([("input", "u4"), ("output", "u4"), ("count", "u4"), ("camera", "u4")])
-CAMERA = np.dtype([("eye", "f8", 3), ("matrix", "f8", 9), ("inverse", "f8", 9)])
+CAMERA = np.dtype(
+    [("eye", "f8", 3), ("matrix", "f8", 9), ("inverse", "f8", 9), ("aperture", "f8")]
+    + [(name, "f8") for name in ("focus", "sharp_near", "sharp_far", "foreground")]
+)
+SLOT = np.dtype(
+    [(name, "f4") for name in ("x_low", "x_high", "y_low", "y_high", "weight")]
+    + [("unused", "f4", 3)]
+)
 PATH = np.dtype(
     [("a", "u4"), ("b", "u4"), ("c", "u4"), ("step", "u4")]
     + [("face", "u4"), ("mesh", "u4"), ("open", "f4"), ("length", "f4")]
@@ -62,6 +69,7 @@ BY_NAME = {
     "Vertex": VERTEX,
     "VertexJob": VERTEX_JOB,
     "Camera": CAMERA,
+    "Slot": SLOT,
     "Path": PATH,
     "Mesh": MESH,
     "Material": MATERIAL,

@@ -1,0 +1,126 @@
+// The samples that a path may cover, eight at a time, whatever rows they lie in.
+#ifndef MB_GATHER_H
+#define MB_GATHER_H
+
+#include "analytic/edges.h"
+#include "analytic/walk.h"
+#include "shared/wide.h"
+
+// A path on a piece of a tile, how far the walk has come, and the samples at hand.
+typedef struct {
+    MovingTriangle triangle;
+    Path path;
+    uint index;
+    global const Shape *shape;
+    bool single_sided;
+    int block, row, column;         // first row of 16, row within them, next column
+    int first[LANES], last[LANES];  // columns of each row
+    int waiting;
+    int samples[WIDE];
+    float x[WIDE], y[WIDE];
+#ifdef LENS
+    float u[WIDE], v[WIDE];
+#endif
+} Gather;
+
+// Give the lanes that no sample fills something to compute with.
+static void clear_gather(Gather *g)
+{
+    for (int i = 0; i < WIDE; i++) {
+        g->x[i] = g->y[i] = 0.0f;
+#ifdef LENS
+        g->u[i] = g->v[i] = 0.0f;
+#endif
+    }
+}
+
+static void begin_gather(const Tile *tile, uint path_index, Gather *g)
+{
+    g->index = path_index;
+    g->path = tile->scene.paths[path_index];
+    g->shape = tile->scene.shapes + path_index;
+    g->single_sided = false;
+#ifdef SINGLE_SIDED
+    uint material = tile->scene.meshes[g->path.mesh].material;
+    g->single_sided = tile->scene.materials[material].flags & MATERIAL_SINGLE_SIDED;
+#endif
+    load_moving(tile->scene.vertices, g->path, g->shape->flags, &g->triangle);
+    g->block = -min(LANES, TILE), g->row = LANES, g->column = 0;
+}
+
+// Go to the next row that the path may touch. False when there is none.
+static bool next_row(const Tile *tile, Gather *g)
+{
+    const int block_rows = min(LANES, TILE);
+    for (;;) {
+        while (++g->row < block_rows)
+            if (g->first[g->row] <= g->last[g->row]) {
+                g->column = g->first[g->row];
+                return true;
+            }
+        do {
+            g->block += block_rows;
+            if (g->block >= tile->row_high) return false;
+        } while (g->block + block_rows <= tile->row_low
+                 || !walk_rows(tile, g->shape, g->block, g->first, g->last));
+        g->row = -1;
+    }
+}
+
+// Gather the next samples; `bounded` leaves out those that something static lies before. False when
+// there are none left.
+static bool gather_samples(const Tile *tile, Gather *g, bool bounded)
+{
+    g->waiting = 0;
+    for (;;) {
+        bool in_row = g->row >= 0 && g->row < min(LANES, TILE) && g->column <= g->last[g->row];
+        if (!in_row && !next_row(tile, g)) return g->waiting > 0;
+        int start = (g->block + g->row) * TILE;
+        for (; g->column <= g->last[g->row]; g->column++) {
+            int sample = start + g->column;
+#ifdef STATIC
+            if (bounded && g->shape->near > tile->static_depth[sample]) continue;
+#endif
+            Place place = place_of(tile, sample);
+            g->samples[g->waiting] = sample;
+            g->x[g->waiting] = place.x, g->y[g->waiting] = place.y;
+#ifdef LENS
+            g->u[g->waiting] = place.u, g->v[g->waiting] = place.v;
+#endif
+            if (++g->waiting == WIDE) {
+                g->column++;
+                return true;
+            }
+        }
+    }
+}
+
+static inline Place gathered_place(const Gather *g, int i)
+{
+    Place place = {g->x[i], g->y[i], 0.0f, 0.0f};
+#ifdef LENS
+    place.u = g->u[i], place.v = g->v[i];
+#endif
+    return place;
+}
+
+// Vertex i relative to each sample at hand: the same operations as shifted_x and shifted_y.
+static inline Wide gathered_x(const Gather *g, int i)
+{
+    Wide x = g->triangle.x[i];
+#ifdef LENS
+    x = fma(convert_double8(vload8(0, g->u)), (Wide)(g->triangle.circle[i]), x);
+#endif
+    return fma(-convert_double8(vload8(0, g->x)), (Wide)(g->triangle.w[i]), x);
+}
+
+static inline Wide gathered_y(const Gather *g, int i)
+{
+    Wide y = g->triangle.y[i];
+#ifdef LENS
+    y = fma(convert_double8(vload8(0, g->v)), (Wide)(g->triangle.circle[i]), y);
+#endif
+    return fma(-convert_double8(vload8(0, g->y)), (Wide)(g->triangle.w[i]), y);
+}
+
+#endif
