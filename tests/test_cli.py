@@ -107,6 +107,7 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
         "paths": "triangulated",
         "pairing": "depth",
         "occlusion": 32,
+        "partial_bits": True,
         "max_intervals": 90,
         "samples": 2,
         "pattern": "fixed",
