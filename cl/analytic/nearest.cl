@@ -38,7 +38,7 @@ static void nearest_of_gathered(Tile *tile, const Gather *g)
     WideMask zero = (e[0] == 0.0) | (e[1] == 0.0) | (e[2] == 0.0);
     if (!g->single_sided) front |= back;
     Wide w = (e[0] * m->w[0] + e[1] * m->w[1] + e[2] * m->w[2]) / (e[0] + e[1] + e[2]);
-    w = front & (w > 0.0) ? w : (Wide)(INFINITY);
+    w = (front & (w > 0.0)) ? w : (Wide)(INFINITY);
     double depth[WIDE];
     long is_zero[WIDE];
     vstore8(w, 0, depth);
