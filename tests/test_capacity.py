@@ -1,0 +1,158 @@
+"""Nothing is ever lost: a full pool is noticed, and the tile done again in halves or with more."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+import pytest
+from closed_forms import UNIT_CAMERA, world
+from kernels import render_with
+from test_determinism import SIZE, WAYS, busy_scene
+
+import mbinterval as mb
+from mbinterval.device.runtime import Runtime, runtime
+from mbinterval.errors import CapacityError
+from mbinterval.scene.model import Mesh, Scene
+
+WAYS = WAYS | {"triangulated, exact": {"paths": "triangulated", "occlusion": "exact"}}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_pools_of_any_size_give_the_same_bytes(way, caplog):
+    caplog.set_level(logging.INFO, logger="mbinterval")
+    settings = mb.Settings(samples=2, **WAYS[way])
+    large = render_with(busy_scene(), settings, *SIZE)
+    assert not any("need larger pools" in record.message for record in caplog.records)
+    caplog.clear()
+    grown = []
+    for capacity in (1, 16, 300, 2000):
+        small = render_with(busy_scene(), settings, *SIZE, capacity=capacity)
+        for name in ("rgba", "depth", "intervals"):
+            assert np.array_equal(getattr(small, name), getattr(large, name)), (capacity, name)
+        grown.append(sum("need larger pools" in record.message for record in caplog.records))
+        caplog.clear()
+    assert large.intervals.max() > 20
+    # The smallest need the host's help, several times; of 2,000 records a tile's pieces suffice.
+    assert grown[0] > grown[1] > grown[3] == 0
+
+
+COUNT = 3000
+
+
+def stack(count: int = COUNT) -> tuple[Scene, np.ndarray, np.ndarray]:
+    """Half-planes over every pixel, each nearer one arriving a little later than the one behind.
+
+    Returns the scene, colours ``(count, 3)`` from front to back, and the times at which the
+    leading edges pass x = 4.5.
+    """
+    rng = np.random.default_rng(3)
+    color = rng.uniform(0, 1, (count, 3))
+    arrival = (np.arange(count)[::-1] + 0.5) / count
+    speed = 100.0
+    edge = 4.5 - speed * arrival
+    start = np.stack([np.stack([edge, edge * 0 - 5000], 1), np.stack([edge, edge * 0 + 5000], 1),
+                      np.stack([edge - 5000, edge * 0], 1)], axis=1)  # fmt: skip
+    w = 1.0 + 1e-3 * np.arange(count)[:, None]
+    ends = np.stack([start, start + [speed, 0]])
+    positions = world(ends, w, (9, 3)).reshape(2, -1, 3)
+    order = rng.permutation(count)  # in no order of depth
+    faces = np.arange(3 * count).reshape(-1, 3)[order]
+    mesh = Mesh(positions=positions, faces=faces, color=color[order], color_domain="face",
+                shading="unlit")  # fmt: skip
+    return Scene(meshes=[mesh], camera=UNIT_CAMERA), color, arrival
+
+
+def stacked_film(way: str, **settings: object) -> mb.Film:
+    return mb.render(
+        stack()[0], width=9, height=3, crop=(4, 1, 1, 1),
+        settings=mb.Settings(samples=1, **WAYS[way], **settings),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_thousands_of_intervals_on_one_pixel_all_count(way):
+    """Each of 3,000 is seen for its own 3,000th of the shutter, before the next one hides it."""
+    _, color, arrival = stack()
+    film = stacked_film(way)
+    assert film.intervals.tolist() == [[COUNT]]
+    if WAYS[way]["occlusion"] == "exact":
+        want, limit = color.sum(axis=0) / COUNT - 0.5 / COUNT * color[0], 1e-5
+    else:
+        bits = WAYS[way]["occlusion"]
+        centre = (np.arange(bits) + 0.5) / bits
+        seen = np.argmax(arrival[:, None] <= centre, axis=0)
+        want, limit = color[seen].mean(axis=0), 1e-4
+    assert film.rgba[0, 0, :3] == pytest.approx(want, abs=limit)
+    assert film.rgba[0, 0, 3] == pytest.approx(1.0, abs=1e-3)
+    # One that is lost would show: those before it would be seen for longer.
+    assert np.abs(want - np.roll(color, 1)[: COUNT // 2].mean(axis=0)).max() > 1e-3
+
+
+def test_the_published_limit_of_90_intervals_loses_what_lies_behind_them():
+    """Hong & Oh (2017) keep the nearest 90: these are here the last 90 that arrive."""
+    full, limited = stacked_film("triangulated"), stacked_film("triangulated", max_intervals=90)
+    assert limited.intervals.tolist() == [[COUNT]]  # what was met
+    kept = np.mean((np.arange(128) + 0.5) / 128 >= 1 - 90 / COUNT)
+    assert full.rgba[0, 0, 3] == pytest.approx(1.0, abs=1e-3)
+    assert limited.rgba[0, 0, 3] == pytest.approx(kept, abs=1.5 / 128)
+    enough = stacked_film("triangulated", max_intervals=COUNT)
+    assert np.array_equal(enough.rgba, full.rgba)
+
+
+class SmallDevice:
+    """A device that says it has less memory than it has."""
+
+    def __init__(self, device: Any, largest: int, total: int) -> None:
+        self.device, self.max_mem_alloc_size, self.global_mem_size = device, largest, total
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.device, name)
+
+
+def with_memory(monkeypatch: pytest.MonkeyPatch, largest: int, total: int) -> Runtime:
+    device = runtime()
+    monkeypatch.setattr(device, "device", SmallDevice(device.device, largest, total))
+    return device
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_pools_that_the_device_cannot_hold_are_a_capacity_error(way, monkeypatch):
+    scene, _, _ = stack()
+    settings = mb.Settings(samples=1, **WAYS[way])
+    crop = (4, 1, 1, 1)
+    want = render_with(scene, settings, 9, 3, crop=crop, capacity=64)
+    with monkeypatch.context() as patch:
+        with_memory(patch, 2**20, 2**17)
+        with pytest.raises(CapacityError, match=r"holds more than \d+ .*tile_size"):
+            render_with(scene, settings, 9, 3, crop=crop, capacity=64)
+    again = render_with(scene, settings, 9, 3, crop=crop, capacity=64)
+    assert np.array_equal(want.rgba, again.rgba)
+
+
+def test_fewer_work_items_are_used_where_the_pools_of_all_do_not_fit(monkeypatch):
+    settings = mb.Settings(samples=2, **WAYS["triangulated"])
+    want = render_with(busy_scene(), settings, *SIZE)
+    asked: list[int] = []
+    run = Runtime.run
+
+    def noting(self: Runtime, kernel: Any, items: int, *arguments: Any) -> Any:
+        asked.append(items)
+        return run(self, kernel, items, *arguments)
+
+    monkeypatch.setattr(Runtime, "run", noting)
+    with_memory(monkeypatch, 2**22, 3 * 2**17)
+    got = render_with(busy_scene(), settings, *SIZE, capacity=64)
+    assert asked[-1] == 1
+    assert np.array_equal(want.rgba, got.rgba)
+
+
+def test_a_film_that_the_device_cannot_hold_is_a_capacity_error(monkeypatch):
+    with_memory(monkeypatch, 2**20, 2**30)
+    with pytest.raises(CapacityError, match=r"MiB.*crops"):
+        mb.render(busy_scene(), width=2000, height=2000, settings=mb.Settings(samples=1))
+
+
+def test_capacity_errors_have_an_exit_code_of_their_own():
+    assert CapacityError.exit_code == 5
