@@ -94,6 +94,15 @@ def paths_of_points(points: np.ndarray, segments: int = 1) -> tuple[np.ndarray, 
     return vertices_of(points), table
 
 
+def slots_at(low: np.ndarray, high: np.ndarray | None = None) -> np.ndarray:
+    """``Slot`` records of samples at ``low`` ``(n, 2)``, or anywhere from there to ``high``."""
+    slots = np.zeros(len(low), records.SLOT)
+    for ends, corner in (("low", low), ("high", low if high is None else high)):
+        slots[f"x_{ends}"], slots[f"y_{ends}"] = np.asarray(corner).T
+    slots["weight"] = 1.0
+    return slots
+
+
 def one_material(flags: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """``Mesh`` and ``Material`` records of one mesh without attributes."""
     mesh, material = np.zeros(1, records.MESH), np.zeros(1, records.MATERIAL)

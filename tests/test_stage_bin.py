@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from kernels import members_of, options, paths_of_points, run, shapes_of
+from kernels import members_of, options, paths_of_points, run, shapes_of, slots_at
 from random_paths import KINDS, SIZE
 from reference import exact, triangulated
 from reference.paths import Paths, make_paths, paths_of
@@ -92,13 +92,13 @@ def test_culled_paths_are_filed_nowhere():
 
 
 def walked(
-    shapes: np.ndarray, offsets: np.ndarray, tile: int, size: tuple[int, int] = SIZE
+    shapes: np.ndarray, slots: np.ndarray, tile: int, size: tuple[int, int] = SIZE
 ) -> np.ndarray:
     """Whether the walk visits a sample: ``(P, layers, H, W)``."""
-    columns, rows, layers = -(-size[0] // tile), -(-size[1] // tile), len(offsets)
+    columns, rows, layers = -(-size[0] // tile), -(-size[1] // tile), len(slots)
     shape = (columns * rows, len(shapes), layers, tile)
     arrays = [
-        shapes, np.uint32(len(shapes)), offsets.astype(np.float32), *np.int32([columns, rows]),
+        shapes, np.uint32(len(shapes)), slots, *np.int32([columns, rows]),
         *np.int32(size), np.zeros(shape, np.int32), np.full(shape, -1, np.int32),
     ]  # fmt: skip
     defines = options(TILE=tile, LAYERS=layers, SAMPLES=layers)
@@ -116,17 +116,28 @@ def walked(
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_walk_visits_every_sample_that_is_hit(kind, tile):
     points = random_points(kind)
-    visited = walked(shapes_of(*paths_of_points(points)), OFFSETS, tile)
+    visited = walked(shapes_of(*paths_of_points(points)), slots_at(OFFSETS), tile)
     covered = hits_of(kind)
     assert covered.sum() > 1000
     assert not np.any(covered.swapaxes(0, 1) & ~visited)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_walk_visits_a_pixel_when_any_place_of_its_slot_is_hit(kind):
+    """Samples that lie differently in every pixel: all places from a slot's low to its high end."""
+    shapes = shapes_of(*paths_of_points(random_points(kind)))
+    slots = slots_at(OFFSETS.min(axis=0)[None], OFFSETS.max(axis=0)[None])
+    visited, covered = walked(shapes, slots, 16)[:, 0], hits_of(kind).any(axis=0)
+    assert not np.any(covered & ~visited)
+    for index in range(len(OFFSETS)):
+        assert visited.sum() > walked(shapes, slots_at(OFFSETS[index : index + 1]), 16).sum()
 
 
 def test_a_walk_with_planes_moved_inwards_is_caught_losing_samples():
     points = random_points("translated")
     shapes = shapes_of(*paths_of_points(points))
     shapes["c"] -= 0.3
-    visited = walked(shapes, OFFSETS, 16)
+    visited = walked(shapes, slots_at(OFFSETS), 16)
     assert np.any(hits_of("translated").swapaxes(0, 1) & ~visited)
 
 
@@ -160,7 +171,7 @@ def test_at_least_half_of_the_samples_walked_on_a_fast_dense_sphere_are_hits():
     assert np.median(np.ptp(screen[:, 0], axis=1).max(axis=1)) < 1.0
     assert np.median(np.linalg.norm(screen[:, 1] - screen[:, 0], axis=-1)) > 100.0
     shapes = shapes_of(*paths_of_points(paths.points))
-    visited = walked(shapes, OFFSETS[:1], 16, size)[:, 0]
+    visited = walked(shapes, slots_at(OFFSETS[:1]), 16, size)[:, 0]
     grid = Grid(0, 0, *size)
     found = exact.intervals(paths, grid)
     covered = np.zeros((len(paths), grid.count), dtype=bool)

@@ -39,7 +39,7 @@ def paired(
     shapes["facing"] = [1.0, np.inf, np.inf, np.inf]
     for path, values in (facing or {}).items():
         shapes["facing"][path, : len(values)] = values
-    depth, part = np.full(TILE * TILE, np.inf, np.float32), np.zeros(TILE * TILE, np.uint32)
+    depth, part = np.full(TILE * TILE, np.inf), np.zeros(TILE * TILE, np.uint32)
     for sample, (w, path) in (static or {}).items():
         depth[sample], part[sample] = w, path << 4
     pool = np.zeros(max(capacity, 1) + 8, records.INTERVAL)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from kernels import options, paths_of_points, run, shapes_of
+from kernels import options, paths_of_points, run, shapes_of, slots_at
 from random_paths import KINDS, SIZE, deforming
 from reference import triangulated
 from reference.paths import make_paths
@@ -64,7 +64,7 @@ def rasterized(
     for y in range(0, size[1], tile):
         for x in range(0, size[0], tile):
             arrays = [
-                vertices, paths, shapes, offsets.astype(np.float32), members,
+                vertices, paths, shapes, slots_at(offsets), members,
                 np.uint32(len(members)), *np.int32([x, y]), np.uint32(capacity),
                 np.zeros(capacity, records.FRAGMENT), np.zeros((layers, tile, tile), np.int32),
                 np.zeros(2, np.uint32),
@@ -194,7 +194,7 @@ def test_a_full_pool_is_reported_and_nothing_is_written_beyond_it():
     pool = np.zeros(300, records.FRAGMENT)
     pool["part"] = 12345
     arrays = [
-        vertices, paths, shapes, OFFSETS.astype(np.float32), np.arange(COUNT, dtype=np.uint32),
+        vertices, paths, shapes, slots_at(OFFSETS), np.arange(COUNT, dtype=np.uint32),
         np.uint32(COUNT), *np.int32([0, 0]), np.uint32(200), pool,
         np.zeros((2, 16, 16), np.int32), np.zeros(2, np.uint32),
     ]  # fmt: skip

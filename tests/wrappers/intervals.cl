@@ -4,7 +4,7 @@
 kernel void intervals_tile(global const Path *paths, global const Shape *shapes,
                            global const Mesh *meshes, global const Material *materials,
                            global Fragment *fragments, global int *heads,
-                           global float *static_depth, global uint *static_part, uint capacity,
+                           global double *static_depth, global uint *static_part, uint capacity,
                            global Interval *pool, global Run *runs, global uint *met,
                            global uint *result)
 {

@@ -2,14 +2,14 @@
 #include "analytic/rasterize.cl"
 
 kernel void rasterize_tile(global const Vertex *vertices, global const Path *paths,
-                           global const Shape *shapes, global const float2 *offsets,
+                           global const Shape *shapes, global const Slot *slots,
                            global const uint *members, uint member_count, int x, int y,
                            uint capacity, global Fragment *fragments, global int *heads,
                            global uint *result)
 {
     Tile tile;
     tile.scene.vertices = vertices, tile.scene.paths = paths, tile.scene.shapes = shapes;
-    tile.scene.offsets = offsets;
+    tile.scene.slots = slots;
     tile.x = x, tile.y = y, tile.layer = 0;
     tile.x_low = tile.y_low = 0, tile.x_high = tile.y_high = TILE;
     tile.row_low = 0, tile.row_high = ROWS;

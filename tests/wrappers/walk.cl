@@ -1,11 +1,11 @@
 // Columns that walk_rows gives for every row of every tile, for every path.
 #include "analytic/walk.h"
 
-kernel void walk(global const Shape *shapes, uint count, global const float2 *offsets, int columns,
+kernel void walk(global const Shape *shapes, uint count, global const Slot *slots, int columns,
                  int rows, int width, int height, global int *first, global int *last)
 {
     Tile tile;
-    tile.scene.offsets = offsets;
+    tile.scene.slots = slots;
     tile.layer = 0, tile.row_low = 0, tile.row_high = ROWS;
     for (int index = 0; index < columns * rows; index++) {
         tile.x = index % columns * TILE, tile.y = index / columns * TILE;
