@@ -9,7 +9,9 @@ import termios
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from mbinterval.film import Film
 
@@ -77,6 +79,37 @@ def test_a_bar_on_a_terminal_and_none_elsewhere(tmp_path):
     assert b"frame 3 (2/2)" in seen
     plain = start(tmp_path, "--frames", "1,3", stderr=subprocess.PIPE)
     assert len(plain.communicate(timeout=60)[1].splitlines()) == 2
+
+
+def test_a_scene_of_the_repository_is_described_and_rendered_for_real(tmp_path):
+    def mbinterval(*arguments):
+        command = [sys.executable, "-m", "mbinterval", *map(str, arguments)]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
+        return subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+        )
+
+    scene = ROOT / "scenes" / "slab_behind_slit.toml"
+    info = mbinterval("info", scene)
+    assert (info.returncode, info.stderr) == (0, "")
+    assert "stages: paths bin" in info.stdout
+    size = ("--width", 64, "--height", 48)
+    render = mbinterval("render", scene, *size, "--transparent", "-o", "a.png,a.exr")
+    assert render.returncode == 0, render.stderr
+    assert render.stdout == ""
+    with Image.open(tmp_path / "a.png") as image:
+        assert (image.mode, image.size) == ("RGBA", (64, 48))
+    film = Film.read(tmp_path / "a.exr")
+    assert film.transparent
+    assert film.metadata["settings.transparent"] == 1
+    crop = mbinterval("render", scene, *size, "--transparent", "--crop", "8,4,30,20", "-o", "b.exr")
+    assert crop.returncode == 0, crop.stderr
+    part = Film.read(tmp_path / "b.exr")
+    assert (part.origin, part.resolution) == ((8, 4), (64, 48))
+    assert np.array_equal(part.rgba, film.rgba[4:24, 8:38])
+    outside = mbinterval("render", scene, *size, "--crop", "60,4,30,20", "-o", "c.exr")
+    assert outside.returncode == 2
+    assert "crop 60,4,30,20 does not lie in the frame" in outside.stderr
 
 
 def test_importing_is_quick_and_brings_no_heavy_package():
