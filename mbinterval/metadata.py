@@ -49,7 +49,7 @@ def frame_metadata(
     for setting in fields(settings):
         value = getattr(settings, setting.name)
         if value is not None and setting.name not in _SPEED_ONLY:
-            metadata[f"settings.{setting.name}"] = int(value) if value is True else value
+            metadata[f"settings.{setting.name}"] = int(value) if isinstance(value, bool) else value
     return metadata
 
 

@@ -71,4 +71,5 @@ def test_a_file_takes_all_of_it_with_the_types_of_the_standard(tmp_path):
     back = mbinterval.Film.read(path).metadata
     assert set(back) == set(found)
     assert back["frame"] == 1.0
-    assert back["settings.paths"] == "triangulated"
+    assert back["settings.paths"] == found["settings.paths"] == "exact"
+    assert back["settings.transparent"] == found["settings.transparent"] == 0
