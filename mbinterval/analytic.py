@@ -24,14 +24,15 @@ from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.errors import CapacityError
 from mbinterval.motion import Motion
-from mbinterval.plan import Plan
-from mbinterval.sampling import fixed_slots
+from mbinterval.plan import Plan, settings_filter, shutter_keys
+from mbinterval.sampling import sample_slots
 from mbinterval.scene.exposure import Exposure
+from mbinterval.settings import Settings
 
 _log = logging.getLogger(__name__)
 
 TILE_STAGES = (
-    *("nearest", "rasterize", "intervals", "sort", "occlude"),
+    *("place", "nearest", "rasterize", "intervals", "sort", "occlude"),
     *("solve", "envelope", "mask", "shade", "resolve"),
 )
 """Stages of the fused kernel, in the order in which it counts their time."""
@@ -39,7 +40,7 @@ TILE_STAGES = (
 _COUNTERS = (*TILE_STAGES, "tests", "hits")
 _SHARED_ARGUMENTS = (
     *("vertices", "paths", "shapes", "meshes", "materials", "face_color", "color", "uv", "normal"),
-    *("textures", "texels", "lights", "cameras", "slots", "background"),
+    *("textures", "texels", "lights", "cameras", "slots", "filter", "shutter", "background"),
     *("starts", "members", "queue", "next", "failed", "samples", "pixels", "counters"),
     *("rgba", "depth", "met"),
 )
@@ -74,10 +75,12 @@ class Pixels:
     stats: Mapping[str, int]
 
 
-def render_analytic(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) -> Pixels:
+def render_analytic(
+    runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan, settings: Settings
+) -> Pixels:
     """Render ``exposure``, laid out as ``motion``, by the stages of ``plan``."""
     timings: dict[str, float] = {}
-    buffers = _upload(runtime, exposure, motion, plan)
+    buffers = _upload(runtime, exposure, motion, plan, settings)
     _run_paths(runtime, motion, plan, buffers, timings)
     _run_bin(runtime, motion, plan, buffers, timings)
     stats = _run_tiles(runtime, exposure, plan, buffers, timings)
@@ -91,7 +94,11 @@ def render_analytic(runtime: Runtime, exposure: Exposure, motion: Motion, plan: 
     )
 
 
-def _upload(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) -> Buffers:
+def _upload(
+    runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan, settings: Settings
+) -> Buffers:
+    shape = settings_filter(settings)
+    buffers: Buffers = {"slots_array": sample_slots(settings.pattern, plan.samples, shape)}
     looks = appearance(motion.materials, exposure.lights)
     background = np.zeros(0, np.float32)
     if "-DBACKGROUND_IMAGE" in plan.options:
@@ -112,10 +119,12 @@ def _upload(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) ->
         "textures": looks.textures,
         "texels": looks.texels,
         "lights": looks.lights,
-        "slots": fixed_slots(plan.samples),
+        "slots": buffers["slots_array"],
+        "filter": np.zeros(0) if shape is None else shape.table.astype(np.float32),
+        "shutter": shutter_keys(exposure.shutter),
         "background": background,
     }
-    buffers: Buffers = {name: runtime.upload(array) for name, array in arrays.items()}
+    buffers |= {name: runtime.upload(array) for name, array in arrays.items()}
     buffers["light_count"] = len(looks.lights)
     return buffers
 
@@ -131,7 +140,8 @@ def _run_paths(
     timings["paths"] = 0.0
     if count == 0:
         return
-    file, options = "analytic/paths.cl", ("-DEXACT",) if plan.exact else ()
+    file = "analytic/paths.cl"
+    options = tuple(option for option in plan.options if option in ("-DEXACT", "-DLENS"))
     first = runtime.run(
         runtime.kernel(file, "vertices", options),
         len(motion.jobs),
@@ -177,7 +187,12 @@ def _run_bin(
     order = _path_order(runtime, motion, plan, buffers)
     chunk = max(1, -(-count // _BIN_CHUNKS))
     chunks = -(-count // chunk)
-    grid = _packed("iiiiiII", left, top, columns, rows, plan.tile, count, chunk)
+    slots = buffers["slots_array"]
+    reach = [
+        float(pick(slots[name]))
+        for name, pick in zip(slots.dtype.names, (np.min, np.max) * 2, strict=True)
+    ]
+    grid = _packed("iiiiiIIffff", left, top, columns, rows, plan.tile, count, chunk, *reach)
     counts = runtime.allocate(4 * chunks * tiles)
     buffers["starts"] = runtime.allocate(4 * (tiles + 1))
     file, shapes = "analytic/bin.cl", buffers["shapes"]
@@ -267,7 +282,9 @@ def _run_queue(
     runtime.fill(buffers["next"], 4)
     runtime.fill(buffers["counters"], 8 * len(_COUNTERS) * workers)
     lights = buffers["light_count"]
-    grid = _packed("iiiiIII", left, top, columns, rows, len(queue), capacity, lights)
+    roll = exposure.roll
+    rolling = (roll.start, roll.step, roll.length) if roll else (0.0, 0.0, 1.0)
+    grid = _packed("iiiiIIIfff", left, top, columns, rows, len(queue), capacity, lights, *rolling)
     constant = isinstance(exposure.background, tuple)
     frame = _packed("iiiifff", *plan.crop, *(exposure.background if constant else (0, 0, 0)))
     kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)

@@ -161,14 +161,20 @@ def _camera_table(exposure: Exposure, width: int, height: int) -> tuple[Record, 
     tables, index, count = [], {}, 0
     for segments, poses in exposure.cameras.items():
         index[segments] = count
-        tables.append(_camera_records(poses, width, height))
+        tables.append(_camera_records(exposure, poses, width, height))
         count += len(tables[-1])
     return np.concatenate(tables), index
 
 
-def _camera_records(poses: CameraPoses, width: int, height: int) -> Record:
-    """Matrices from the world, relative to the eye, to homogeneous pixels, and back."""
+def _camera_records(exposure: Exposure, poses: CameraPoses, width: int, height: int) -> Record:
+    """Matrices from the world, relative to the eye, to homogeneous pixels, and back; the lens."""
+    camera = exposure.camera
     table = np.zeros(len(poses.eye), records.CAMERA)
+    table["aperture"] = poses.aperture * poses.focal * height
+    table["focus"] = poses.focus
+    table["sharp_near"], table["sharp_far"] = camera.sharp_range or (poses.focus, poses.focus)
+    blur = camera.foreground_blur
+    table["foreground"] = np.inf if blur is None else blur * height
     for row, eye, rotation, focal in zip(
         table, poses.eye, poses.rotation, poses.focal * height, strict=True
     ):

@@ -9,10 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.device import records
+from mbinterval.errors import UsageError
+from mbinterval.sampling import RADII, PixelFilter, pixel_filter
 from mbinterval.settings import Settings
 
 if TYPE_CHECKING:
     from mbinterval.motion import Motion
+    from mbinterval.scene.camera import Shutter
     from mbinterval.scene.exposure import Exposure
     from mbinterval.scene.model import Scene
 
@@ -79,6 +86,8 @@ def make_plan(
     """Plan the render of ``exposure``, laid out as ``motion``."""
     effects = _effects(exposure, motion, settings)
     active = {effect.macro for effect in effects if effect.active}
+    if "LENS" in active and settings.paths == "triangulated":
+        raise UsageError("paths='triangulated' has no lens; use paths='exact', or leave f_stop out")
     tile = settings.tile_size
     layers = max(1, min(settings.samples, _SAMPLES_AT_A_TIME // tile**2))
     sizes: dict[str, int | str] = {
@@ -94,6 +103,7 @@ def make_plan(
             sizes["MAX_INTERVALS"] = settings.max_intervals
     if active & {"PHONG", "TEXTURED", "VERTEX_COLOR"}:
         sizes["TEXTURE_SAMPLES"] = settings.texture_samples
+    sizes |= _sampling_sizes(exposure, settings, active)
     timed = _time_stages(settings) if "MOVING" in active else ()
     return Plan(
         width=width,
@@ -103,6 +113,7 @@ def make_plan(
         stages=(
             "paths",
             "bin",
+            *(("place",) if "PLACED" in active else ()),
             *(("nearest",) if "STATIC" in active else ()),
             *timed,
             "shade",
@@ -115,6 +126,49 @@ def make_plan(
         samples=settings.samples,
         capacity=capacity if timed else 1,
     )
+
+
+def settings_filter(settings: Settings) -> PixelFilter | None:
+    """Return the pixel filter that samples are drawn from; None for a box of one pixel."""
+    radius = RADII[settings.filter] if settings.filter_radius is None else settings.filter_radius
+    if (settings.filter, radius) == ("box", 0.5):
+        return None
+    return pixel_filter(settings.filter, radius)
+
+
+def _sampling_sizes(
+    exposure: Exposure, settings: Settings, active: set[str]
+) -> dict[str, int | str]:
+    """Macros with a value that the effects of sampling, lens and shutter ask for."""
+    sizes: dict[str, int | str] = {}
+    shape, camera = settings_filter(settings), exposure.camera
+    if "PLACED" in active:
+        sizes["SEED"] = f"{settings.seed}u"
+    if "SCATTERED" in active and shape is not None:
+        sizes["FILTER_TABLE"] = len(shape.table) - 1
+    if "WEIGHTED" in active and shape is not None:
+        sizes["FILTER_ZERO"], sizes["FILTER_MASS"] = _float(shape.zero), _float(shape.mass**2)
+    if "LENS" in active and camera.blades:
+        sizes["BLADES"] = camera.blades
+        sizes["BLADE_ROTATION"] = _float(float(np.radians(camera.blade_rotation)))
+    if exposure.shutter.curve != "box" and "MOVING" in active:
+        sizes["SHUTTER_CURVE"] = len(shutter_keys(exposure.shutter))
+    return sizes
+
+
+def _float(value: float) -> str:
+    return f"{value:.9e}f"
+
+
+def shutter_keys(shutter: Shutter) -> NDArray[np.void]:
+    """Return the shutter's curve as ``ShutterKey`` records, times strictly ascending."""
+    corners = shutter.keys()
+    corners = corners[np.append(True, np.diff(corners[:, 0]) > 0.0)]
+    t, opening = corners.T
+    passed = np.append(0.0, np.cumsum(0.5 * (opening[1:] + opening[:-1]) * np.diff(t)))
+    keys = np.zeros(len(t), records.SHUTTER_KEY)
+    keys["t"], keys["open"], keys["passed"] = t, opening, passed / passed[-1]
+    return keys
 
 
 def _time_stages(settings: Settings) -> tuple[str, ...]:
@@ -134,6 +188,10 @@ def _effects(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
     segments = sorted({mesh.segments for mesh in exposure.meshes if mesh.segments})
     many = f", {' and '.join(map(str, segments))} motion segments" if segments else ""
     image = not isinstance(exposure.background, tuple)
+    lens = any(np.any(poses.aperture > 0.0) for poses in exposure.cameras.values())
+    scattered = settings.pattern == "sobol"
+    shape = settings_filter(settings)
+    weighted = shape is not None and shape.mass != 1.0
     return (
         Effect("motion", paths > static, f"{paths - static} motion paths{many}", "MOVING"),
         Effect(
@@ -148,6 +206,44 @@ def _effects(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
             "the camera moves: every mesh has motion paths"
             if exposure.camera_moves
             else "the camera stays",
+        ),
+        Effect(
+            "lens",
+            lens,
+            f"f/{exposure.camera.f_stop}" if lens else "the camera is a pinhole",
+            "LENS",
+        ),
+        Effect("scattered samples", scattered, f"pattern={settings.pattern!r}", "SCATTERED"),
+        Effect(
+            "weighted samples",
+            weighted,
+            f"the {settings.filter} filter has {'' if weighted else 'no '}negative lobes",
+            "WEIGHTED",
+        ),
+        Effect(
+            "samples placed by pixel",
+            lens or scattered or weighted,
+            "each pixel has its own"
+            if lens or scattered or weighted
+            else "all pixels have the same",
+            "PLACED",
+        ),
+        Effect(
+            "shutter curve",
+            exposure.shutter.curve != "box" and paths > static,
+            str(exposure.shutter.curve)[:40],
+        ),
+        Effect(
+            "rolling shutter",
+            exposure.roll is not None and paths > static,
+            f"rolling={exposure.shutter.rolling!r}",
+            "ROLLING",
+        ),
+        Effect(
+            "rolling columns",
+            exposure.roll is not None and exposure.roll.columns and paths > static,
+            f"rolling={exposure.shutter.rolling!r}",
+            "ROLLING_COLUMNS",
         ),
         Effect("static geometry", static > 0, f"{static} triangles do not move", "STATIC"),
         Effect("single-sided", bool(single), _named("material", single), "SINGLE_SIDED"),
@@ -202,7 +298,8 @@ def describe(
     from mbinterval.motion import lay_out
     from mbinterval.scene.exposure import expose
 
-    exposure = expose(scene, frame, width / height, settings.motion_segments)
+    rolled = roll_lines(scene, width, height)
+    exposure = expose(scene, frame, width / height, settings.motion_segments, rolled)
     motion = lay_out(exposure, width, height)
     plan = make_plan(exposure, motion, settings, width, height, crop or (0, 0, width, height))
     lines = [f"frame {frame:g}, {width} x {height} pixels, {settings.samples} samples per pixel"]
@@ -229,10 +326,13 @@ def _mesh_lines(exposure: Exposure) -> list[str]:
     return lines
 
 
+def roll_lines(scene: Scene, width: int, height: int) -> int:
+    """Return the number of lines of the scene's shutter, rows or columns, if it rolls."""
+    return width if scene.shutter.rolling in ("left", "right") else height
+
+
 def check_crop(crop: Any, width: int, height: int) -> Crop:
     """Return ``crop`` as four whole numbers inside the frame, or the whole frame for None."""
-    from mbinterval.errors import UsageError
-
     if crop is None:
         return (0, 0, width, height)
     x, y, columns, rows = (int(value) for value in crop)

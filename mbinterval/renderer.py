@@ -47,7 +47,7 @@ def render(
     from mbinterval.device.runtime import runtime
     from mbinterval.metadata import frame_metadata
     from mbinterval.motion import lay_out
-    from mbinterval.plan import check_crop, make_plan
+    from mbinterval.plan import check_crop, make_plan, roll_lines
     from mbinterval.scene.exposure import expose
 
     settings = settings or Settings()
@@ -56,11 +56,12 @@ def render(
             raise UsageError(f"{name}={value!r}: expected a whole number from 1 to 65536")
     region = check_crop(crop, width, height)
     started = time.perf_counter()
-    exposure = expose(scene, frame, width / height, settings.motion_segments)
+    lines = roll_lines(scene, width, height)
+    exposure = expose(scene, frame, width / height, settings.motion_segments, lines)
     motion = lay_out(exposure, width, height)
     plan = make_plan(exposure, motion, settings, width, height, region)
     exposed = time.perf_counter() - started
-    pixels = render_analytic(runtime(device), exposure, motion, plan)
+    pixels = render_analytic(runtime(device), exposure, motion, plan, settings)
     return Film(
         rgba=pixels.rgba,
         depth=pixels.depth,

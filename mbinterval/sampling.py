@@ -1,7 +1,16 @@
-"""Spatial sample positions."""
+"""Spatial samples: their pattern, and the pixel filter that they are drawn from.
+
+Filters are sampled by importance: a sample's place is where the filter's cumulative weight takes
+its random number, so every sample weighs the same and a pixel needs no other pixel's samples.
+Splatting would use each sample for several pixels and save some noise, but it makes tiles depend
+on each other and on the order of summation. A filter with negative lobes is drawn from its
+absolute value, and samples in its lobes count negative.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -9,8 +18,85 @@ from numpy.typing import NDArray
 
 from mbinterval.device import records
 
+Float64 = NDArray[np.float64]
+
 _GRID = 1024
-"""Offsets are multiples of 1/1024, so that a sample's position is exact in float32."""
+"""Box-filtered offsets are multiples of 1/1024, so that a sample's position is exact."""
+
+_TABLE = 512
+"""Steps of the inverse cumulative weight that the kernels interpolate in."""
+
+
+def _gaussian(x: Float64) -> Float64:
+    return np.asarray(np.exp(-4.5 * x * x) - np.exp(-4.5))
+
+
+def _blackman_harris(x: Float64) -> Float64:
+    phase = np.pi * (x + 1.0)
+    terms = ((0.35875, 0.0), (-0.48829, 1.0), (0.14128, 2.0), (-0.01168, 3.0))
+    return np.asarray(sum(weight * np.cos(order * phase) for weight, order in terms))
+
+
+def _mitchell(x: Float64) -> Float64:
+    """Mitchell & Netravali 1988 with B = C = 1/3, stretched from [-2, 2] to [-1, 1]."""
+    x = np.abs(2.0 * x)
+    near = (7.0 * x**3 - 12.0 * x**2 + 16.0 / 3.0) / 6.0
+    far = (-7.0 / 3.0 * x**3 + 12.0 * x**2 - 20.0 * x + 32.0 / 3.0) / 6.0
+    return np.where(x < 1.0, near, far)
+
+
+_SHAPES: dict[str, Callable[[Float64], Float64]] = {
+    "box": np.ones_like,
+    "triangle": lambda x: 1.0 - np.abs(x),
+    "gaussian": _gaussian,
+    "blackman_harris": _blackman_harris,
+    "mitchell": _mitchell,
+}
+RADII = {"box": 0.5, "triangle": 1.0, "gaussian": 1.5, "blackman_harris": 1.5, "mitchell": 2.0}
+"""Filters and their default radii in pixels; the Gaussian's is three standard deviations."""
+
+
+@dataclass(frozen=True, eq=False)
+class PixelFilter:
+    """A separable filter as it is sampled.
+
+    Attributes
+    ----------
+    table
+        ``(n + 1,)`` float64 offsets from the pixel's upper left corner, at equal steps of the
+        cumulative absolute weight.
+    zero
+        Distance from the centre in pixels beyond which the filter is negative; infinity for none.
+    mass
+        Integral of the absolute value over that of the filter.
+    """
+
+    table: Float64
+    zero: float
+    mass: float
+
+    def place(self, share: Float64) -> Float64:
+        """Offsets of the given shares of the cumulative weight."""
+        return np.interp(share, np.linspace(0.0, 1.0, len(self.table)), self.table)
+
+
+@lru_cache(maxsize=16)
+def pixel_filter(name: str, radius: float) -> PixelFilter:
+    """Tabulate a filter of ``RADII`` with the given radius in pixels."""
+    x = np.linspace(-1.0, 1.0, 2**14 + 1)
+    weight = _SHAPES[name](x)
+    size = np.abs(weight)
+    passed = np.concatenate([[0.0], np.cumsum(0.5 * (size[1:] + size[:-1]))])
+    # Ends of weight zero would make the inverse steep; a uniform trace keeps it defined.
+    passed = passed / passed[-1] + 1e-12 * np.arange(len(passed))
+    table = np.interp(np.linspace(0.0, passed[-1], _TABLE + 1), passed, x)
+    negative = np.abs(x[weight < -1e-12])
+    mass = size.sum() / weight.sum()
+    return PixelFilter(
+        table=0.5 + radius * table,
+        zero=float(radius * negative.min()) if len(negative) else np.inf,
+        mass=float(mass) if len(negative) else 1.0,
+    )
 
 
 @lru_cache(maxsize=64)
@@ -34,11 +120,28 @@ def fixed_pattern(count: int) -> NDArray[np.float32]:
     return (np.round(points * _GRID) / _GRID).astype(np.float32)
 
 
-def fixed_slots(count: int) -> NDArray[np.void]:
-    """Return the fixed pattern as ``Slot`` records."""
+def sample_slots(pattern: str, count: int, shape: PixelFilter | None) -> NDArray[np.void]:
+    """Return where each of a pixel's ``count`` samples may lie, as ``Slot`` records.
+
+    ``shape`` is the pixel filter, None for a box of one pixel.
+    """
     slots = np.zeros(count, records.SLOT)
-    x, y = fixed_pattern(count).T
-    slots["x_low"] = slots["x_high"] = x
-    slots["y_low"] = slots["y_high"] = y
-    slots["weight"] = 1.0
+    if pattern == "fixed":
+        x, y = fixed_pattern(count).astype(np.float64).T
+        x_low = x_high = x
+        y_low = y_high = y
+    else:
+        # Of a power of two each sample has a row of its own (cl/analytic/place.cl).
+        row = np.arange(count)
+        in_rows = count & (count - 1) == 0
+        x_low, x_high = np.zeros(count), np.ones(count)
+        y_low = row / count if in_rows else x_low
+        y_high = (row + 1) / count if in_rows else x_high
+    if shape is not None:
+        x_low, x_high, y_low, y_high = map(shape.place, (x_low, x_high, y_low, y_high))
+    slots["x_low"], slots["x_high"] = x_low, x_high
+    slots["y_low"], slots["y_high"] = y_low, y_high
+    if pattern != "fixed":  # places are rounded on the device
+        for name, away in (("x_low", -1e-3), ("x_high", 1e-3), ("y_low", -1e-3), ("y_high", 1e-3)):
+            slots[name] += away
     return slots

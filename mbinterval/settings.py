@@ -16,8 +16,8 @@ _CHOICES: dict[str, tuple[str, ...]] = {
     "method": ("analytic",),
     "paths": ("exact", "triangulated"),
     "pairing": ("time", "depth"),
-    "pattern": ("fixed",),
-    "filter": ("box",),
+    "pattern": ("fixed", "sobol"),
+    "filter": ("box", "triangle", "gaussian", "blackman_harris", "mitchell"),
 }
 
 
@@ -49,9 +49,12 @@ class Settings:
     samples
         Spatial samples per pixel, 1 to 256. One sample is the pixel's centre.
     pattern
-        ``"fixed"``: the same well-spread rank-1 lattice in every pixel.
+        ``"fixed"``: the same well-spread rank-1 lattice in every pixel. ``"sobol"``: a net of
+        its own in every pixel, Owen-scrambled by pixel and ``seed``.
     filter, filter_radius
-        Pixel filter and its radius in pixels: ``"box"`` of radius 0.5.
+        Pixel filter, ``"box"``, ``"triangle"``, ``"gaussian"`` (radius three standard
+        deviations), ``"blackman_harris"`` or ``"mitchell"``, and its radius in pixels; None is
+        0.5, 1, 1.5, 1.5 or 2.
     texture_samples
         Shading evaluations along each visible span, 1 to 1024 (Hong & Oh 2017, 4.4).
     motion_segments
@@ -73,7 +76,7 @@ class Settings:
     samples: int = 4
     pattern: str = "fixed"
     filter: str = "box"
-    filter_radius: float = 0.5
+    filter_radius: float | None = None
     texture_samples: int = 16
     motion_segments: int | None = None
     seed: int = 0
@@ -96,8 +99,25 @@ class Settings:
             _check_range("motion_segments", self.motion_segments, 1, 4096)
         if self.tile_size not in (8, 16, 32):
             raise UsageError(f"tile_size={self.tile_size!r}: expected 8, 16 or 32")
-        if self.filter_radius != 0.5:
-            raise UsageError(f"filter_radius={self.filter_radius!r}: the box filter's is 0.5")
+        if self.filter_radius is not None and not 0.0 < self.filter_radius <= 8.0:
+            raise UsageError(
+                f"filter_radius={self.filter_radius!r}: expected pixels, above 0 and at most 8"
+            )
+        self._check_combinations()
+
+    def _check_combinations(self) -> None:
+        if self.paths == "triangulated" and self.pattern != "fixed":
+            raise UsageError(
+                f"pattern={self.pattern!r}: triangulated paths are rasterized in rows of samples, "
+                "which only pattern='fixed' has; use paths='exact'"
+            )
+        if self.paths == "exact" and self.max_intervals is not None:
+            raise UsageError(
+                f"max_intervals={self.max_intervals}: exact paths lose no interval; "
+                "it is for paths='triangulated'"
+            )
+        if self.partial_bits and self.occlusion == "exact":
+            raise UsageError("partial_bits=True: occlusion='exact' has no bits; give a number")
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Settings:

@@ -13,6 +13,7 @@ typedef struct {
     Material material;
     uint segment;
     Place place;
+    float2 window; // when the sample is exposed
     float2 uv[6];
     float3 normal[6], color[6];
     float circle[6];

@@ -12,13 +12,16 @@ typedef struct {
     int size;          // pixels along a tile's edge
     uint paths;
     uint chunk;        // paths per work-item
+    float x_low, x_high, y_low, y_high; // where samples lie, relative to their pixels
 } Grid;
 
 // Columns of tiles in one row of tiles that the shape may touch.
 static int2 touched_columns(global const Shape *shape, Grid grid, int row)
 {
-    double top = grid.y + row * grid.size, bottom = top + grid.size;
-    double left = grid.x, right = grid.x + (double)grid.columns * grid.size - 1e-3;
+    double top = grid.y + row * grid.size + grid.y_low;
+    double bottom = grid.y + (row + 1) * grid.size - 1 + grid.y_high;
+    double left = grid.x + grid.x_low;
+    double right = grid.x + grid.columns * grid.size - 1 + grid.x_high;
     for (uint i = 0; i < shape->planes; i++) {
         double a = shape->a[i], b = shape->b[i];
         double side = shape->c[i] + (b > 0.0 ? b * bottom : b * top);
@@ -27,7 +30,10 @@ static int2 touched_columns(global const Shape *shape, Grid grid, int row)
         else if (side + fabs(a) * 1e5 < 0.0) return (int2)(0, -1);
     }
     if (left > right) return (int2)(0, -1);
-    return (int2)((int)floor((left - grid.x) / grid.size), (int)floor((right - grid.x) / grid.size));
+    // A sample at X belongs to a pixel from X - x_high to X - x_low.
+    int first = (int)ceil((left - grid.x_high - grid.x - grid.size + 1) / grid.size);
+    int last = (int)floor((right - grid.x_low - grid.x) / grid.size);
+    return (int2)(max(first, 0), min(last, grid.columns - 1));
 }
 
 // Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
@@ -38,8 +44,8 @@ static void bin_chunk(global const Shape *shapes, global const uint *order, Grid
     for (uint i = begin; i < end; i++) {
         global const Shape *shape = shapes + order[i];
         if (shape->flags & SHAPE_CULLED) continue;
-        float low = floor((shape->y_min - grid.y) / grid.size);
-        float high = floor((shape->y_max - grid.y) / grid.size);
+        float low = ceil((shape->y_min - grid.y_high - grid.y - grid.size + 1) / grid.size);
+        float high = floor((shape->y_max - grid.y_low - grid.y) / grid.size);
         int first_row = (int)fmax(low, 0.0f), last_row = (int)fmin(high, grid.rows - 1.0f);
         for (int row = first_row; row <= last_row; row++) {
             int2 touched = touched_columns(shape, grid, row);

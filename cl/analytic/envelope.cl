@@ -8,6 +8,7 @@
 // through both: where both have something to show, bounds of depth decide, or else the exact order,
 // with a cut wherever it changes. That takes O(n log n) for n intervals.
 #include "analytic/depth.h"
+#include "analytic/shutter.h"
 
 #define OPEN_CHAINS 16 // chains that may still grow; older ones are complete
 #define RANKED 256     // above this, intervals are sorted by merging
@@ -163,14 +164,15 @@ static void add_cover(Cover *c, Front front)
 
 // Copy what of the sample's list may be seen into the pool `fronts`, and its starts where they are
 // sorted. The list runs from near to far: it ends where the whole shutter is covered.
-static int gather_fronts(Tile *tile, int sample)
+static int gather_fronts(Tile *tile, int sample, float2 window)
 {
     Cover cover = {.count = 0};
     int count = 0;
 #ifdef STATIC
     if (tile->static_depth[sample] < INFINITY) {
-        tile->fronts[0] = front_of(tile, tile->static_part[sample] >> PART_BITS, 0.0f, 1.0f);
-        tile->ordering[count++] = 0.0f;
+        tile->fronts[0] = front_of(tile, tile->static_part[sample] >> PART_BITS, window.x,
+                                   window.y);
+        tile->ordering[count++] = window.x;
         add_cover(&cover, tile->fronts[0]);
     }
 #endif
@@ -178,7 +180,8 @@ static int gather_fronts(Tile *tile, int sample)
         Visit visit = tile->visits[node];
         Front front = front_of(tile, visit.path, visit.t0, visit.t1);
         if (is_covered(&cover, front)) {
-            if (cover.t0[0] == 0.0f && cover.t1[0] == 1.0f && cover.far[0] < front.near) break;
+            if (cover.t0[0] <= window.x && cover.t1[0] >= window.y && cover.far[0] < front.near)
+                break;
             continue;
         }
         if (count == (int)tile->capacity) return -1;
@@ -248,9 +251,9 @@ static int merge_chains(Tile *tile, Place place, int chains, global int *starts)
 }
 
 // The sample's envelope, in the pool `merged`; returns its length, or -1 when a pool is full.
-static int envelope_sample(Tile *tile, int sample, Place place)
+static int envelope_sample(Tile *tile, int sample, Place place, float2 window)
 {
-    int count = gather_fronts(tile, sample);
+    int count = gather_fronts(tile, sample, window);
     if (count < 2) {
         if (count == 1) tile->merged[0] = tile->fronts[0];
         return count;
@@ -269,12 +272,14 @@ static bool envelope(Tile *tile)
     tile->span_count = 0;
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
         Place place = place_of(tile, i);
-        int count = envelope_sample(tile, i, place);
+        float2 window = window_of(tile, i);
+        int count = envelope_sample(tile, i, place, window);
         if (count < 0 || (uint)count > tile->capacity - tile->span_count) return false;
         Run run = {tile->span_count, (uint)count};
         for (int k = 0; k < count; k++) {
             Front front = tile->merged[k];
-            Span span = {front.t0, front.t1, front.t1 - front.t0, front.path};
+            float weight = light_until(tile, window, front.t1) - light_until(tile, window, front.t0);
+            Span span = {front.t0, front.t1, weight, front.path};
             tile->spans[tile->span_count++] = span;
         }
         tile->span_runs[i] = run;

@@ -6,17 +6,9 @@
 // at w = 0, at the time when the triangle's plane passes through the eye. It is put in before
 // pairing; where there is no such time, rounding made the number odd, and the fragment nearest to
 // the eye is left out.
-#include "analytic/tile.h"
+#include "analytic/shutter.h"
 
 #define MAX_FRAGMENTS 16
-
-static bool append_interval(Tile *tile, Interval interval)
-{
-    if (!(interval.t1 > interval.t0)) return true;
-    if (tile->interval_count == tile->capacity) return false;
-    tile->intervals[tile->interval_count++] = interval;
-    return true;
-}
 
 // The part of the interval in [low, high), its depth interpolated.
 static Interval clip_interval(Interval whole, float low, float high)
@@ -26,6 +18,17 @@ static Interval clip_interval(Interval whole, float low, float high)
     if (low > whole.t0) part.t0 = low, part.w0 = whole.w0 + slope * (low - whole.t0);
     if (high < whole.t1) part.t1 = high, part.w1 = whole.w0 + slope * (high - whole.t0);
     return part;
+}
+
+static bool append_interval(Tile *tile, Interval interval)
+{
+#ifdef ROLLING
+    interval = clip_interval(interval, tile->window.x, tile->window.y);
+#endif
+    if (!(interval.t1 > interval.t0)) return true;
+    if (tile->interval_count == tile->capacity) return false;
+    tile->intervals[tile->interval_count++] = interval;
+    return true;
 }
 
 // Append what of the interval can be seen: of a single-sided path, the times when it faces us.
@@ -126,7 +129,8 @@ static bool sample_intervals(Tile *tile, int sample)
 #ifdef STATIC
     if (tile->static_depth[sample] < INFINITY) {
         float w = (float)tile->static_depth[sample];
-        Interval interval = {0.0f, 1.0f, w, w, tile->static_part[sample], tile->static_part[sample]};
+        uint part = tile->static_part[sample];
+        Interval interval = {tile->window.x, tile->window.y, w, w, part, part};
         return append_interval(tile, interval);
     }
 #endif
@@ -139,6 +143,7 @@ static bool intervals(Tile *tile)
     tile->interval_count = 0;
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
         uint start = tile->interval_count;
+        tile->window = window_of(tile, i);
         if (!sample_intervals(tile, i)) return false;
         Run run = {start, tile->interval_count - start};
         tile->runs[i] = run;

@@ -23,24 +23,36 @@ static inline Visit owned_visit(const Tile *tile, int sample, int owner)
 {
 #ifdef STATIC
     if (owner == OWNED_BY_STATIC) {
-        Visit always = {0.0f, 1.0f, tile->static_part[sample] >> PART_BITS, -1};
+        float2 window = window_of(tile, sample);
+        Visit always = {window.x, window.y, tile->static_part[sample] >> PART_BITS, -1};
         return always;
     }
 #endif
     return tile->visits[owner];
 }
 
+static inline Lit lit_by(const Tile *tile, int sample, int owner)
+{
+    Lit lit = {0.0f, 0.0f, owner};
+    if (owner == FREE) return lit;
+    Visit visit = owned_visit(tile, sample, owner);
+    float2 window = window_of(tile, sample);
+    lit.start = light_until(tile, window, visit.t0);
+    lit.end = light_until(tile, window, visit.t1);
+    return lit;
+}
+
 // Give an owner the bits in which it is nearest so far.
-static void take_nearest(const Tile *tile, int sample, Place place, int own, double *nearness,
-                         int *owner)
+static void take_nearest(const Tile *tile, int sample, const float *centres, int own,
+                         double *nearness, int *owner)
 {
     Visit visit = owned_visit(tile, sample, own);
-    DepthCurve curve = depth_curve(tile, visit.path, place);
-    int low = first_bit(visit.t0), high = first_bit(visit.t1);
+    DepthCurve curve = depth_curve(tile, visit.path, place_of(tile, sample));
+    Lit lit = lit_by(tile, sample, own);
+    int low = first_bit(lit.start), high = first_bit(lit.end);
     for (int bit = low / WIDE * WIDE; bit < high; bit += WIDE) {
         double here[WIDE];
-        Wide centre = (convert_double8((int8)(0, 1, 2, 3, 4, 5, 6, 7)) + (bit + 0.5)) * BIT;
-        vstore8(curve_nearness(&curve, centre), 0, here);
+        vstore8(curve_nearness(&curve, convert_double8(vload8(0, centres + bit))), 0, here);
         for (int i = max(bit, low); i < min(bit + WIDE, high); i++) {
             double n = here[i - bit];
             bool nearer = owner[i] == FREE || n > nearness[i]
@@ -54,22 +66,19 @@ static void take_nearest(const Tile *tile, int sample, Place place, int own, dou
 // Spans of a sample whose every bit has an owner or is FREE. False when the pool is full.
 static bool append_owned_runs(Tile *tile, int sample, const int *owner)
 {
-    int before = FREE;
-    float before_end = 0.0f;
-    for (int bit = 0; bit < MASK_BITS;) {
-        int own = owner[bit], end = bit + 1;
-        while (end < MASK_BITS && owner[end] == own) end++;
-        if (own != FREE) {
-            Visit visit = owned_visit(tile, sample, own);
-            int after = end < MASK_BITS ? owner[end] : FREE;
-            float after_start = after == FREE ? 0.0f : owned_visit(tile, sample, after).t0;
-            float t0 = run_border(bit, before, before_end, own, visit.t0);
-            float t1 = run_border(end, own, visit.t1, after, after_start);
-            Span span = {t0, t1, t1 - t0, visit.path};
-            if (t0 < t1 && !append_span(tile, span)) return false;
-            before_end = visit.t1;
+    float2 window = window_of(tile, sample);
+    Lit before = {0.0f, 0.0f, FREE};
+    for (int bit = 0, end; bit < MASK_BITS; bit = end) {
+        Lit own = lit_by(tile, sample, owner[bit]);
+        for (end = bit + 1; end < MASK_BITS && owner[end] == own.owner;) end++;
+        Lit after = lit_by(tile, sample, end < MASK_BITS ? owner[end] : FREE);
+        if (own.owner != FREE) {
+            Visit visit = owned_visit(tile, sample, own.owner);
+            if (!append_light(tile, window, run_border(bit, before, own),
+                              run_border(end, own, after), visit.t0, visit.t1, visit.path))
+                return false;
         }
-        before = own, bit = end;
+        before = own;
     }
     return true;
 }
@@ -78,18 +87,22 @@ static bool append_owned_runs(Tile *tile, int sample, const int *owner)
 static bool mask(Tile *tile)
 {
     double nearness[MASK_BITS];
+    float centres[MASK_BITS];
     int owner[MASK_BITS];
     tile->span_count = 0;
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
-        Place place = place_of(tile, i);
         Run run = {tile->span_count, 0u};
-        for (int bit = 0; bit < MASK_BITS; bit++) owner[bit] = FREE;
+        float2 window = window_of(tile, i);
+        for (int bit = 0; bit < MASK_BITS; bit++) {
+            owner[bit] = FREE;
+            centres[bit] = time_of_light(tile, window, (bit + 0.5f) * BIT);
+        }
 #ifdef STATIC
         if (tile->static_depth[i] < INFINITY)
-            take_nearest(tile, i, place, OWNED_BY_STATIC, nearness, owner);
+            take_nearest(tile, i, centres, OWNED_BY_STATIC, nearness, owner);
 #endif
         for (int node = tile->heads[i]; node >= 0; node = tile->visits[node].next)
-            take_nearest(tile, i, place, node, nearness, owner);
+            take_nearest(tile, i, centres, node, nearness, owner);
         if (!append_owned_runs(tile, i, owner)) return false;
         run.count = tile->span_count - run.start;
         tile->span_runs[i] = run;

@@ -2,7 +2,7 @@
 //
 // Intervals come front to back; each sees what none before it has taken, of the bits of a mask or,
 // without MASK_BITS, of the shutter itself. Every run that is left is a span.
-#include "analytic/tile.h"
+#include "analytic/shutter.h"
 
 #ifdef MASK_BITS
 
@@ -30,9 +30,11 @@ static int next_bit(const uint *mask, int bit, bool value)
 }
 
 // Take what is free of the interval's bits; `visible` gets them. Returns whether there are any.
-static inline bool take_bits(uint *taken, Interval interval, uint *visible)
+static inline bool take_bits(const Tile *tile, float2 window, uint *taken, Interval interval,
+                             uint *visible)
 {
-    int low = first_bit(interval.t0), high = first_bit(interval.t1);
+    int low = first_bit(light_until(tile, window, interval.t0));
+    int high = first_bit(light_until(tile, window, interval.t1));
     uint any_visible = 0u;
     for (int k = 0; k < WORDS; k++) {
         visible[k] = bits_between(low - 32 * k, high - 32 * k) & ~taken[k];
@@ -51,65 +53,71 @@ static inline bool all_taken(const uint *taken)
 
 #ifdef PARTIAL_BITS
 
-// Spans of a sample whose every bit has an owner, an index into `sorted`, or is FREE.
-static bool append_owned_runs(Tile *tile, const int *owner)
+static inline Lit lit_by(const Tile *tile, float2 window, int owner)
 {
-    int before = FREE;
-    for (int bit = 0; bit < MASK_BITS;) {
-        int own = owner[bit], end = bit + 1;
-        while (end < MASK_BITS && owner[end] == own) end++;
-        if (own != FREE) {
-            Interval i = tile->sorted[own];
-            int after = end < MASK_BITS ? owner[end] : FREE;
-            float before_end = before == FREE ? 0.0f : tile->sorted[before].t1;
-            float after_start = after == FREE ? 0.0f : tile->sorted[after].t0;
-            float t0 = run_border(bit, before, before_end, own, i.t0);
-            float t1 = run_border(end, own, i.t1, after, after_start);
-            Span span = {t0, t1, t1 - t0, (uint)own};
-            if (t0 < t1 && !append_span(tile, span)) return false;
+    Lit lit = {0.0f, 0.0f, owner};
+    if (owner == FREE) return lit;
+    lit.start = light_until(tile, window, tile->sorted[owner].t0);
+    lit.end = light_until(tile, window, tile->sorted[owner].t1);
+    return lit;
+}
+
+// Spans of a sample whose every bit has an owner, an index into `sorted`, or is FREE.
+static bool append_owned_runs(Tile *tile, float2 window, const int *owner)
+{
+    Lit before = {0.0f, 0.0f, FREE};
+    for (int bit = 0, end; bit < MASK_BITS; bit = end) {
+        Lit own = lit_by(tile, window, owner[bit]);
+        for (end = bit + 1; end < MASK_BITS && owner[end] == own.owner;) end++;
+        Lit after = lit_by(tile, window, end < MASK_BITS ? owner[end] : FREE);
+        if (own.owner != FREE) {
+            Interval i = tile->sorted[own.owner];
+            if (!append_light(tile, window, run_border(bit, before, own),
+                              run_border(end, own, after), i.t0, i.t1, (uint)own.owner))
+                return false;
         }
-        before = own, bit = end;
+        before = own;
     }
     return true;
 }
 
-static bool occlude_sample(Tile *tile, Run run)
+static bool occlude_sample(Tile *tile, Run run, float2 window)
 {
     uint taken[WORDS] = {0u}, visible[WORDS];
     int owner[MASK_BITS];
     for (int bit = 0; bit < MASK_BITS; bit++) owner[bit] = FREE;
     for (uint i = 0; i < run.count && !all_taken(taken); i++) {
-        if (!take_bits(taken, tile->sorted[run.start + i], visible)) continue;
+        if (!take_bits(tile, window, taken, tile->sorted[run.start + i], visible)) continue;
         for (int bit = next_bit(visible, 0, true); bit < MASK_BITS;
              bit = next_bit(visible, bit + 1, true))
             owner[bit] = (int)(run.start + i);
     }
-    return append_owned_runs(tile, owner);
+    return append_owned_runs(tile, window, owner);
 }
 
 #else
 
 // Spans of the visible bits of one interval. False when the pool is full.
-static bool append_visible_runs(Tile *tile, Interval interval, uint index, const uint *visible)
+static bool append_visible_runs(Tile *tile, float2 window, Interval interval, uint index,
+                                const uint *visible)
 {
     int bit = next_bit(visible, 0, true);
     while (bit < MASK_BITS) {
         int end = next_bit(visible, bit, false);
-        Span span = {fmax(interval.t0, bit * BIT), fmin(interval.t1, end * BIT), (end - bit) * BIT,
-                     index};
-        if (!append_span(tile, span)) return false;
+        if (!append_light(tile, window, bit * BIT, end * BIT, interval.t0, interval.t1, index))
+            return false;
         bit = next_bit(visible, end, true);
     }
     return true;
 }
 
-static bool occlude_sample(Tile *tile, Run run)
+static bool occlude_sample(Tile *tile, Run run, float2 window)
 {
     uint taken[WORDS] = {0u}, visible[WORDS];
     for (uint i = 0; i < run.count && !all_taken(taken); i++) {
         Interval interval = tile->sorted[run.start + i];
-        if (take_bits(taken, interval, visible)
-            && !append_visible_runs(tile, interval, run.start + i, visible))
+        if (take_bits(tile, window, taken, interval, visible)
+            && !append_visible_runs(tile, window, interval, run.start + i, visible))
             return false;
     }
     return true;
@@ -119,27 +127,29 @@ static bool occlude_sample(Tile *tile, Run run)
 
 #else // no mask: exactly
 
-// Emit the parts of [t0, t1) that no stretch has taken, and take them. Stretches are disjoint, in
+static bool append_stretch(Tile *tile, float2 window, float t0, float t1, uint index)
+{
+    if (!(t0 < t1)) return true;
+    if (tile->span_count == tile->capacity) return false;
+    float weight = light_until(tile, window, t1) - light_until(tile, window, t0);
+    Span span = {t0, t1, weight, index};
+    tile->spans[tile->span_count++] = span;
+    return true;
+}
+
+// Emit the parts of the interval that no stretch has taken, and take them. Stretches are disjoint, in
 // order of time and don't touch; they lie in `begin` and `end`. False when the pool is full.
-static bool take_stretch(Tile *tile, global float *begin, global float *end, int *count,
-                         Interval interval, uint index)
+static bool take_stretch(Tile *tile, float2 window, global float *begin, global float *end,
+                         int *count, Interval interval, uint index)
 {
     int first = 0, last; // stretches that the interval touches
     while (first < *count && end[first] < interval.t0) first++;
     float t = interval.t0;
     for (last = first; last < *count && begin[last] <= interval.t1; last++) {
-        Span span = {t, begin[last], begin[last] - t, index};
-        if (t < begin[last]) {
-            if (tile->span_count == tile->capacity) return false;
-            tile->spans[tile->span_count++] = span;
-        }
+        if (!append_stretch(tile, window, t, begin[last], index)) return false;
         t = fmax(t, end[last]);
     }
-    if (t < interval.t1) {
-        Span span = {t, interval.t1, interval.t1 - t, index};
-        if (tile->span_count == tile->capacity) return false;
-        tile->spans[tile->span_count++] = span;
-    }
+    if (!append_stretch(tile, window, t, interval.t1, index)) return false;
     float joined_begin = first < last ? fmin(begin[first], interval.t0) : interval.t0;
     float joined_end = fmax(t, interval.t1);
     int gone = last - first - 1; // below zero: one more than before
@@ -151,13 +161,14 @@ static bool take_stretch(Tile *tile, global float *begin, global float *end, int
     return true;
 }
 
-static bool occlude_sample(Tile *tile, Run run)
+static bool occlude_sample(Tile *tile, Run run, float2 window)
 {
     global float *begin = tile->sorting, *end = begin + tile->capacity + LANES;
     int count = 0;
     for (uint i = 0; i < run.count; i++) {
-        if (count == 1 && begin[0] == 0.0f && end[0] == 1.0f) break;
-        if (!take_stretch(tile, begin, end, &count, tile->sorted[run.start + i], run.start + i))
+        if (count == 1 && begin[0] <= window.x && end[0] >= window.y) break;
+        if (!take_stretch(tile, window, begin, end, &count, tile->sorted[run.start + i],
+                          run.start + i))
             return false;
     }
     return true;
@@ -171,7 +182,7 @@ static bool occlude(Tile *tile)
     tile->span_count = 0;
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
         Run run = {tile->span_count, 0u};
-        if (!occlude_sample(tile, tile->runs[i])) return false;
+        if (!occlude_sample(tile, tile->runs[i], window_of(tile, i))) return false;
         run.count = tile->span_count - run.start;
         tile->span_runs[i] = run;
     }

@@ -13,10 +13,20 @@ static double3 cross_product(double3 a, double3 b)
 
 static double dot_product(double3 a, double3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-static double3 load_vertex(global const Vertex *v)
+#ifdef LENS
+// Circle of confusion at depth w, in pixels, times w: affine in w for a thin lens. In the extended
+// range in focus it is zero, and beyond continuous; before the focus it is limited (Wu et al. 2015,
+// 3.4; Munkberg et al. 2012).
+static double lens_circle(const Camera *camera, double w)
 {
-    return (double3)(v->x, v->y, v->w);
+    double scale = camera->aperture;
+    double circle = scale * (w / camera->focus - 1.0);
+    double near = scale * (camera->sharp_near / camera->focus - 1.0);
+    double far = scale * (camera->sharp_far / camera->focus - 1.0);
+    circle -= clamp(circle, near, far);
+    return fmax(circle, -camera->foreground * fmax(w, 0.0));
 }
+#endif
 
 // World positions to homogeneous pixel space, relative to the eye before anything is rounded.
 kernel void vertices(global const VertexJob *jobs, global const double *positions,
@@ -30,6 +40,9 @@ kernel void vertices(global const VertexJob *jobs, global const double *position
         double x = p[0] - camera.eye[0], y = p[1] - camera.eye[1], z = p[2] - camera.eye[2];
         Vertex v = {m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z,
                     m[6] * x + m[7] * y + m[8] * z, 0.0};
+#ifdef LENS
+        v.circle = lens_circle(&camera, v.w);
+#endif
         output[job.output + i] = v;
     }
 }
@@ -39,7 +52,7 @@ kernel void vertices(global const VertexJob *jobs, global const double *position
 // outwards by MARGIN pixels, more than its rounding.
 #define MARGIN 1e-3
 
-static uint bounding_planes(const double3 *q, Shape *shape)
+static uint bounding_planes(const double3 *q, double blur, Shape *shape)
 {
     uint count = 0;
     for (int i = 0; i < 6; i++) for (int j = i + 1; j < 6; j++) {
@@ -56,7 +69,7 @@ static uint bounding_planes(const double3 *q, Shape *shape)
             if (sign > 0 ? low < 0.0 : high > 0.0) continue;
             double scale = sign / slope;
             float a = (float)(n.x * scale), b = (float)(n.y * scale);
-            double c = n.z * scale + MARGIN;
+            double c = n.z * scale + MARGIN + blur;
             bool known = false;
             for (uint k = 0; k < count; k++)
                 known |= fabs(shape->a[k] - a) < 1e-7f && fabs(shape->b[k] - b) < 1e-7f
@@ -124,7 +137,14 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
 {
     double3 q[6]; // three vertices at the start, three at the end
     uint corner[3] = {path.a, path.b, path.c};
-    for (int i = 0; i < 6; i++) q[i] = load_vertex(vertices + corner[i % 3] + (i < 3 ? 0 : path.step));
+    double blur = 0.0; // on screen, in pixels
+    for (int i = 0; i < 6; i++) {
+        global const Vertex *v = vertices + corner[i % 3] + (i < 3 ? 0u : path.step);
+        q[i] = (double3)(v->x, v->y, v->w);
+#ifdef LENS
+        blur = fmax(blur, v->w > 0.0 ? fabs(v->circle) / v->w : v->circle == 0.0 ? 0.0 : INFINITY);
+#endif
+    }
     double w_low = q[0].z, w_high = q[0].z;
     float y_min = INFINITY, y_max = -INFINITY;
     for (int i = 0; i < 6; i++) {
@@ -133,15 +153,17 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
         y_min = fmin(y_min, y), y_max = fmax(y_max, y);
     }
     shape->flags = w_high <= 0.0 ? SHAPE_CULLED : w_low <= 0.0 ? SHAPE_BEHIND : 0u;
-    shape->y_min = w_low > 0.0 ? y_min - (float)MARGIN : -INFINITY;
-    shape->y_max = w_low > 0.0 ? y_max + (float)MARGIN : INFINITY;
+    shape->y_min = w_low > 0.0 ? y_min - (float)(MARGIN + blur) : -INFINITY;
+    shape->y_max = w_low > 0.0 ? y_max + (float)(MARGIN + blur) : INFINITY;
     shape->near = (float)fmax(w_low, 0.0) * (1.0f - 1e-6f), shape->far = (float)w_high * (1.0f + 1e-6f);
     shape->scale = (float)exp2(-floor(log2(fmax(w_high, -w_low))));
-    shape->planes = bounding_planes(q, shape);
+    shape->planes = blur < INFINITY ? bounding_planes(q, blur, shape) : 0u;
     *depth = depth_over_time(q);
     facing_over_time(depth->d, shape);
+#ifndef LENS // through the points of a lens a path faces the eye at other times
     if (single_sided && shape->facing[0] < 0.0f && shape->facing[1] > 1.0f)
         shape->flags |= SHAPE_CULLED;
+#endif
     for (int side = 0; side < 3; side++) {
         int p = side, r = (side + 1) % 3;
         if (comes_before(q[r], q[r + 3], q[p], q[p + 3])) {

@@ -3,6 +3,7 @@
 //
 // Colour is averaged over TEXTURE_SAMPLES places along the visible part; the mip level comes from the
 // longest extent of that part in texels, over the number of samples.
+#include "analytic/shutter.h"
 #ifdef EXACT
 #include "analytic/varying_exact.h"
 #else
@@ -35,6 +36,18 @@ static inline int evaluations(const Shaded *s)
     return varies ? TEXTURE_SAMPLES : 1;
 }
 
+// Weight of the i-th of n equal parts of the span: the light that passes in it.
+static inline float part_light(const Tile *tile, const Shaded *s, Span span, int i, int n)
+{
+#ifdef SHUTTER_CURVE
+    float step = (span.t1 - span.t0) / n;
+    return light_until(tile, s->window, span.t0 + step * (i + 1))
+           - light_until(tile, s->window, span.t0 + step * i);
+#else
+    return 1.0f;
+#endif
+}
+
 static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3 base)
 {
     Varying v = prepare_varying(tile, s, span);
@@ -46,6 +59,7 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
     float level = log2(fmax(fmax(extent.x, extent.y) / n, 1.0f));
 #endif
     float3 sum = 0.0f;
+    float total = 0.0f;
     for (int i = 0; i < n; i++) {
         float t = span.t0 + (span.t1 - span.t0) * ((i + 0.5f) / n);
         Attributes a = attributes_at(s, &v, t);
@@ -59,14 +73,15 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
             here = reflect_light(tile, s, a.normal, here, a.circle, t,
                                  span_depth(tile, span, s->place, t));
 #endif
-        sum += here;
+        float light = part_light(tile, s, span, i, n);
+        sum += light * here, total += light;
     }
-    return sum / n;
+    return total > 0.0f ? sum / total : (float3)(0.0f);
 }
 
 #endif // VARYING
 
-static float3 span_color(const Tile *tile, Span span, Place place)
+static float3 span_color(const Tile *tile, Span span, Place place, float2 window)
 {
     Path path = tile->scene.paths[span_path(tile, span)];
     Mesh mesh = tile->scene.meshes[path.mesh];
@@ -77,33 +92,35 @@ static float3 span_color(const Tile *tile, Span span, Place place)
     if (s.material.texture == NONE && !(s.material.flags & MATERIAL_PHONG) && mesh.color == NONE)
         return color;
     s.segment = (uint)(path.open / path.length + 0.5f);
-    s.place = place;
+    s.place = place, s.window = window;
     load_corners(tile, &s);
     color = varying_color(tile, &s, span, color);
 #endif
     return color;
 }
 
-// Add one span to its pixel.
-static void add_span(Tile *tile, int pixel, Span span, Place place)
+// Add one span of a sample to its pixel.
+static void add_span(Tile *tile, int sample, int pixel, Span span)
 {
-    tile->color[pixel] += span.weight * (float4)(span_color(tile, span, place), 1.0f);
-    tile->depth[pixel] += span.weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
+    Place place = place_of(tile, sample);
+    float weight = span.weight * weight_of(tile, sample);
+    float3 color = span_color(tile, span, place, window_of(tile, sample));
+    tile->color[pixel] += weight * (float4)(color, 1.0f);
+    tile->depth[pixel] += weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
 }
 
 static void shade_sample(Tile *tile, int row, int column)
 {
     int sample = row * TILE + column, pixel = row % TILE * TILE + column;
-    Place place = place_of(tile, sample);
 #ifdef MOVING
     Run run = tile->span_runs[sample];
     for (uint i = run.start; i < run.start + run.count; i++)
-        add_span(tile, pixel, tile->spans[i], place);
+        add_span(tile, sample, pixel, tile->spans[i]);
     tile->count[pixel] += tile->met[sample];
-#elif defined(STATIC)
+#else
     if (!(tile->static_depth[sample] < INFINITY)) return;
     Span always = {0.0f, 1.0f, 1.0f, tile->static_part[sample] >> PART_BITS};
-    add_span(tile, pixel, always, place);
+    add_span(tile, sample, pixel, always);
     tile->count[pixel]++;
 #endif
 }

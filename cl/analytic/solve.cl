@@ -7,6 +7,7 @@
 //
 // Paths come in order of least depth, so lists run from near to far.
 #include "analytic/gather.h"
+#include "analytic/shutter.h"
 #include "shared/bernstein.h"
 
 // Append when the path covers the sample: [low, high) of its motion segment.
@@ -14,6 +15,10 @@ static bool append_visit(Tile *tile, const Gather *g, int sample, double low, do
 {
     Visit visit = {(float)(g->path.open + g->path.length * low),
                    (float)(g->path.open + g->path.length * high), g->index, -1};
+#ifdef ROLLING
+    float2 window = window_of(tile, sample);
+    visit.t0 = fmax(visit.t0, window.x), visit.t1 = fmin(visit.t1, window.y);
+#endif
     if (!(visit.t0 < visit.t1)) return true;
     if (tile->visit_count == tile->capacity) return false;
     uint node = tile->visit_count++;

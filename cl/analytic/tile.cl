@@ -1,13 +1,17 @@
 // The analytic path, tile by tile. Each work-item takes tiles from a queue until it is empty and runs
 // the stages on them in order; its scratch memory stays in cache and is bounded.
 //
-//     triangulated: nearest -> rasterize -> intervals -> sort -> occlude -> shade -> resolve
-//     exact:        nearest -> solve -> envelope -> shade -> resolve, or mask for envelope
+//     triangulated: place -> nearest -> rasterize -> intervals -> sort -> occlude -> shade -> resolve
+//     exact:        place -> nearest -> solve -> envelope -> shade -> resolve, or mask for envelope
 //
-// Stages between nearest and shade exist only where something moves. Nothing is lost when a pool is
+// Stages between nearest and shade exist only where something moves, place only where samples lie
+// differently in every pixel. Nothing is lost when a pool is
 // full: the piece of the tile at hand is done again in halves. Only when a single row of samples
 // does not fit is the tile given back to the host, which has larger pools.
 #include "analytic/tile.h"
+#ifdef PLACED
+#include "analytic/place.cl"
+#endif
 #ifdef STATIC
 #include "analytic/nearest.cl"
 #endif
@@ -28,7 +32,7 @@
 #include "analytic/resolve.cl"
 
 // What a work-item counts: ticks of each stage, and pairs that were tested and hit.
-enum { NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, SHADE, RESOLVE, TESTS, HITS,
+enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, SHADE, RESOLVE, TESTS, HITS,
        COUNTERS };
 
 #ifdef HAS_CYCLE_COUNTER
@@ -91,8 +95,15 @@ static bool render_tile(Tile *tile, global ulong *ticks)
         tile->depth[i] = 0.0f;
         tile->count[i] = 0u;
     }
-    for (tile->layer = 0; tile->layer < SAMPLES; tile->layer += LAYERS)
-        if (!render_layers(tile, min(LAYERS, SAMPLES - tile->layer) * TILE, ticks)) return false;
+    for (tile->layer = 0; tile->layer < SAMPLES; tile->layer += LAYERS) {
+        int rows = min(LAYERS, SAMPLES - tile->layer) * TILE;
+#ifdef PLACED
+        ulong clock = TICKS();
+        place(tile, rows);
+        clocked(true, PLACE, ticks, &clock);
+#endif
+        if (!render_layers(tile, rows, ticks)) return false;
+    }
     return true;
 }
 
@@ -113,6 +124,7 @@ typedef struct {
     uint queued;       // tiles to render
     uint capacity;     // of each pool, per work-item
     uint light_count;
+    float roll_start, roll_step, roll_length;
 } TileGrid;
 
 kernel void tile(
@@ -120,7 +132,8 @@ kernel void tile(
     global const Mesh *meshes, global const Material *materials, global const float *face_colors,
     global const float *vertex_colors, global const float *uvs, global const float *normals,
     global const Texture *textures, global const float4 *texels, global const Light *lights,
-    global const Camera *cameras, global const Slot *slots, global const float *background,
+    global const Camera *cameras, global const Slot *slots,
+    global const float *filter, global const ShutterKey *shutter, global const float *background,
     global const uint *starts, global const uint *members, global const uint *queue,
     global uint *next, global uint *failed, global uint *samples, global float4 *pixels,
     global ulong *counters, global float4 *rgba, global float *depth, global uint *met,
@@ -140,7 +153,9 @@ kernel void tile(
         .vertices = vertices, .paths = paths, .shapes = shapes, .meshes = meshes,
         .materials = materials, .face_colors = face_colors, .vertex_colors = vertex_colors,
         .uvs = uvs, .normals = normals, .textures = textures, .texels = texels, .lights = lights,
-        .light_count = grid.light_count, .cameras = cameras, .slots = slots
+        .light_count = grid.light_count, .cameras = cameras, .slots = slots,
+        .filter = filter, .shutter = shutter, .roll_start = grid.roll_start,
+        .roll_step = grid.roll_step, .roll_length = grid.roll_length
     };
     Tile tile = {
         .capacity = grid.capacity,
@@ -152,6 +167,9 @@ kernel void tile(
         .span_runs = (global Run *)(per_sample + 5 * ROWS * TILE),
 #ifdef PLACED
         .places = (global Place *)(per_sample + 9 * ROWS * TILE),
+#endif
+#ifdef WEIGHTED
+        .weights = (global float *)per_sample + 13 * ROWS * TILE,
 #endif
 #ifdef EXACT
         .tails = (global int *)(per_sample + 7 * ROWS * TILE),

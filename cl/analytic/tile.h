@@ -9,7 +9,8 @@
 // time), MASK_BITS, TEXTURE_SAMPLES, STATIC_PATHS (the first paths, which do not move), and a macro
 // for each effect that the scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG, TEXTURED,
 // VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, MAX_INTERVALS, PLACED
-// (samples lie differently in every pixel), LENS.
+// (samples lie differently in every pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE,
+// WEIGHTED, SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
@@ -41,6 +42,9 @@ typedef struct {
     uint light_count;
     global const Camera *cameras;
     global const Slot *slots;      // of the samples of a pixel
+    global const float *filter;    // inverse of the filter's cumulative weight
+    global const ShutterKey *shutter;
+    float roll_start, roll_step, roll_length; // of a rolling shutter's lines, in the shutter's time
 } Scene;
 
 // A sample: its place in the frame, in pixels, and the point of the lens that it looks through.
@@ -58,7 +62,10 @@ typedef struct {
     global const uint *members;  // paths that may touch the tile, ascending
     uint member_count, static_count;
 #ifdef PLACED
-    global Place *places;        // of the piece's samples
+    global Place *places;        // of the samples of the current layers
+#endif
+#ifdef WEIGHTED
+    global float *weights;       // of the samples of the current layers
 #endif
     uint capacity;               // records that each pool holds
     global int *heads;           // first fragment or visit of each sample
@@ -73,6 +80,7 @@ typedef struct {
 #else
     global Fragment *fragments;  // pool
     uint fragment_count;
+    float2 window;               // when the sample at hand is exposed
     global Interval *intervals;  // pool
     uint interval_count;
     global Run *runs;            // intervals of each sample
@@ -106,6 +114,15 @@ static inline Place place_of(const Tile *tile, int sample)
     float x = (float)(tile->x + column) + tile->scene.slots[tile->layer + row / TILE].x_low;
     Place place = {x, sample_y(tile, row), 0.0f, 0.0f};
     return place;
+#endif
+}
+
+static inline float weight_of(const Tile *tile, int sample)
+{
+#ifdef WEIGHTED
+    return tile->weights[sample];
+#else
+    return 1.0f;
 #endif
 }
 

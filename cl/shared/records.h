@@ -28,13 +28,17 @@ typedef struct {
     double foreground;            // greatest radius of blur before it, in pixels
 } Camera;
 
-// Where a sample of every pixel may lie, relative to the pixel's upper left corner, and what it
-// weighs. With the same pattern in every pixel low and high are equal.
+// Where a sample of every pixel may lie, relative to the pixel's upper left corner. With the same
+// pattern in every pixel low and high are equal.
 typedef struct {
     float x_low, x_high, y_low, y_high;
-    float weight;
-    float unused[3];
 } Slot;
+
+// A corner of the shutter's curve: time and open fraction, both in [0, 1], and the share of all light
+// that has passed until then.
+typedef struct {
+    float t, open, passed, unused;
+} ShutterKey;
 
 // A motion path: one triangle over one motion segment. The end of vertex v is v + step.
 typedef struct {

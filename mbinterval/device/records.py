@@ -15,10 +15,8 @@ CAMERA = np.dtype(
     [("eye", "f8", 3), ("matrix", "f8", 9), ("inverse", "f8", 9), ("aperture", "f8")]
     + [(name, "f8") for name in ("focus", "sharp_near", "sharp_far", "foreground")]
 )
-SLOT = np.dtype(
-    [(name, "f4") for name in ("x_low", "x_high", "y_low", "y_high", "weight")]
-    + [("unused", "f4", 3)]
-)
+SLOT = np.dtype([(name, "f4") for name in ("x_low", "x_high", "y_low", "y_high")])
+SHUTTER_KEY = np.dtype([(name, "f4") for name in ("t", "open", "passed", "unused")])
 PATH = np.dtype(
     [("a", "u4"), ("b", "u4"), ("c", "u4"), ("step", "u4")]
     + [("face", "u4"), ("mesh", "u4"), ("open", "f4"), ("length", "f4")]
@@ -70,6 +68,7 @@ BY_NAME = {
     "VertexJob": VERTEX_JOB,
     "Camera": CAMERA,
     "Slot": SLOT,
+    "ShutterKey": SHUTTER_KEY,
     "Path": PATH,
     "Mesh": MESH,
     "Material": MATERIAL,

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.framing import framing_camera, headlight
-from mbinterval.scene.model import Camera, Light, Mesh, Scene, Vector
+from mbinterval.scene.model import Light, Mesh, Scene, Vector
 from mbinterval.scene.tracks import Track
 
 Float64 = NDArray[np.float64]
@@ -34,16 +35,35 @@ class CameraPoses:
         ``(T, 3, 3)`` world to camera; rows are the camera's x, y and z axes in the world.
     focal
         ``(T,)`` focal length as a fraction of the image's height.
+    aperture, focus
+        ``(T,)`` radius of the lens, 0 for a pinhole, and distance in focus, in world units.
     """
 
     eye: Float64
     rotation: Float64
     focal: Float64
+    aperture: Float64
+    focus: Float64
 
     @property
     def moves(self) -> bool:
         """Whether any pose differs from the first."""
-        return any(np.any(a != a[:1]) for a in (self.eye, self.rotation, self.focal))
+        parts = (self.eye, self.rotation, self.focal, self.aperture, self.focus)
+        return any(np.any(part != part[:1]) for part in parts)
+
+
+@dataclass(frozen=True)
+class Roll:
+    """A rolling shutter: when each line is exposed, in the exposure's time, [0, 1].
+
+    Line i, a row of pixels or, with ``columns``, a column, is open from ``start + i * step`` for
+    ``length``.
+    """
+
+    columns: bool
+    start: float
+    step: float
+    length: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,36 +99,45 @@ class MeshExposure:
 class Exposure:
     """What happens while the shutter is open, at one frame.
 
-    ``cameras[K]`` holds the camera at K + 1 equally spaced times, for every K in use; ``notes``
-    say what had to be assumed.
+    ``cameras[K]`` holds the camera at K + 1 equally spaced times, for every K in use; ``camera`` is
+    the animated one that they are poses of. ``notes`` say what had to be assumed.
     """
 
     frame: float
     meshes: tuple[MeshExposure, ...]
+    camera: Camera
     cameras: Mapping[int, CameraPoses]
     camera_moves: bool
     lights: tuple[Light, ...]
     background: Vector | Float32
+    shutter: Shutter
+    roll: Roll | None
     notes: tuple[str, ...] = ()
 
 
 def expose(
-    scene: Scene, frame: float, aspect: float, motion_segments: int | None = None
+    scene: Scene,
+    frame: float,
+    aspect: float,
+    motion_segments: int | None = None,
+    lines: int = 1,
 ) -> Exposure:
     """Freeze ``scene`` over the shutter of ``frame``.
 
     ``aspect`` is the image's width over its height. ``motion_segments`` is the number for meshes
-    that don't state their own (``Mesh.motion_segments`` or positions per time).
+    that don't state their own (``Mesh.motion_segments`` or positions per time). ``lines`` is the
+    number of lines of a rolling shutter, rows or columns of pixels.
     """
     notes = list(scene.notes)
     camera = scene.camera
     if camera is None:
         camera = framing_camera(scene)
         notes.append("no camera: one that frames the scene was made")
+    window = scene.shutter.window(scene.fps, lines)
     meshes = [mesh for mesh in scene.meshes if mesh.visible and len(mesh.faces)]
     wanted = [mesh.motion_segments or (mesh.times - 1) or motion_segments or 1 for mesh in meshes]
     cameras = {
-        count: camera_poses(camera, _frames(scene, frame, count), aspect)
+        count: camera_poses(camera, _frames(window, frame, count), aspect)
         for count in {0, 1, *wanted}
     }
     camera_moves = any(poses.moves for poses in cameras.values())
@@ -119,21 +148,36 @@ def expose(
     return Exposure(
         frame=frame,
         meshes=tuple(
-            expose_mesh(mesh, _frames(scene, frame, count), camera_moves)
+            expose_mesh(mesh, _frames(window, frame, count), camera_moves)
             for mesh, count in zip(meshes, wanted, strict=True)
         ),
+        camera=camera,
         cameras=cameras,
         camera_moves=camera_moves,
         lights=lights,
         background=scene.background,
+        shutter=scene.shutter,
+        roll=_roll(scene.shutter, scene.fps, lines),
         notes=tuple(notes),
     )
 
 
-def _frames(scene: Scene, frame: float, segments: int) -> Float64:
+def _frames(window: tuple[float, float], frame: float, segments: int) -> Float64:
     """Times in frames at the ends of the motion segments; the shutter's opening for none."""
     parts = np.arange(segments + 1) / max(segments, 1)
-    return np.array([scene.shutter.at(frame, float(part)) for part in parts])
+    return np.asarray(frame + window[0] + parts * (window[1] - window[0]))
+
+
+def _roll(shutter: Shutter, fps: float, lines: int) -> Roll | None:
+    if shutter.rolling is None:
+        return None
+    low, high = shutter.window(fps, lines)
+    offset, exposure = shutter.line_offset or 0.0, shutter.line_exposure or 0.0
+    step, length = offset * fps / (high - low), exposure * fps / (high - low)
+    columns = shutter.rolling in ("left", "right")
+    if shutter.rolling in ("up", "left"):  # the last line comes first
+        return Roll(columns, step * (lines - 1), -step, length)
+    return Roll(columns, 0.0, step, length)
 
 
 def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure:
@@ -208,7 +252,7 @@ def _cofactors(matrix: Float64) -> Float64:
 
 def camera_poses(camera: Camera, frames: Float64, aspect: float) -> CameraPoses:
     """Poses of ``camera`` at ``frames``, shape (T,)."""
-    eyes, rotations, focals = [], [], []
+    eyes, rotations, focals, apertures, focuses = [], [], [], [], []
     for frame in map(float, frames):
         if camera.transform is not None:
             matrix = camera.transform.at(frame)
@@ -224,7 +268,11 @@ def camera_poses(camera: Camera, frames: Float64, aspect: float) -> CameraPoses:
         eyes.append(eye)
         rotations.append(rotation)
         focals.append(_focal(camera, frame, aspect))
-    return CameraPoses(np.array(eyes), np.array(rotations), np.array(focals))
+        aperture, focus = _lens(camera, frame, focals[-1])
+        apertures.append(aperture)
+        focuses.append(focus)
+    lens = np.array(apertures), np.array(focuses)
+    return CameraPoses(np.array(eyes), np.array(rotations), np.array(focals), *lens)
 
 
 def _keyed(value: Any, frame: float) -> Float64:
@@ -254,3 +302,16 @@ def _focal(camera: Camera, frame: float, aspect: float) -> float:
     if camera.vertical_aperture is None and camera.horizontal_aperture is not None:
         return focal * aspect / camera.horizontal_aperture
     return focal / (camera.vertical_aperture or 24.0)
+
+
+def _lens(camera: Camera, frame: float, focal: float) -> tuple[float, float]:
+    """Radius of the lens and distance in focus, in world units; 0 and 1 for a pinhole."""
+    if camera.f_stop is None:
+        return 0.0, 1.0
+    if camera.focal_length is None:
+        millimetres = focal * 24.0
+    else:
+        millimetres = float(_keyed(camera.focal_length, frame))
+    f_stop = float(_keyed(camera.f_stop, frame))
+    radius = millimetres * 1e-3 / camera.meters_per_unit / f_stop / 2.0
+    return radius, float(_keyed(camera.focus_distance, frame))

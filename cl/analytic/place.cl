@@ -1,0 +1,178 @@
+// Stage "place": where the samples of a tile lie, and the point of the lens that each looks through,
+// different in every pixel.
+//
+// The samples of a pixel are a randomized (0, 2)-net, Owen's nested scrambling of the Hammersley points
+// (Owen 1995): of N = 2^k samples each row and each column of an N x N grid holds one. Sample l lies in
+// row l, so the samples of a layer have nearly the same height in every pixel and rows can be walked.
+// Any other number takes the first N points of the scrambled Sobol sequence. Lens points are a net
+// of their own, whose order is shuffled (Burley 2020), mapped to a disc (Shirley & Chiu 1997) or to a
+// polygon of blades.
+#include "analytic/tile.h"
+
+// A good 32-bit integer mixer (lowbias32, Wellons 2018).
+static inline uint mix_bits(uint x)
+{
+    x ^= x >> 16;
+    x *= 0x7feb352du;
+    x ^= x >> 15;
+    x *= 0x846ca68bu;
+    return x ^ x >> 16;
+}
+
+static inline uint reverse_bits(uint x)
+{
+    x = x << 16 | x >> 16;
+    x = (x & 0x00ff00ffu) << 8 | (x >> 8 & 0x00ff00ffu);
+    x = (x & 0x0f0f0f0fu) << 4 | (x >> 4 & 0x0f0f0f0fu);
+    x = (x & 0x33333333u) << 2 | (x >> 2 & 0x33333333u);
+    return (x & 0x55555555u) << 1 | (x >> 1 & 0x55555555u);
+}
+
+// Owen's scrambling of the `count` highest bits: each bit is flipped by a random number that depends on
+// the bits above it. Lower bits become random. `back` undoes it.
+static uint scramble_bits(uint x, int count, uint seed, bool back)
+{
+    uint result = 0u;
+    for (int i = 31; i > 31 - count; i--) {
+        uint above = (back ? result : x) >> i >> 1; // the original's bits above this one
+        uint flip = mix_bits(above ^ mix_bits(seed + (uint)i)) & 1u;
+        result |= (x >> i & 1u ^ flip) << i;
+    }
+    uint low = count == 0 ? ~0u : (1u << (32 - count)) - 1u;
+    return result | (mix_bits(seed ^ mix_bits(x >> (32 - max(count, 1)))) & low);
+}
+
+// Second dimension of the Sobol sequence: the columns of its matrix are rows of Pascal's triangle.
+static uint sobol_second(uint index)
+{
+    uint result = 0u;
+    for (uint column = 1u << 31; index != 0u; index >>= 1, column ^= column >> 1)
+        if (index & 1u) result ^= column;
+    return result;
+}
+
+static inline float unit_float(uint x) { return (x >> 8) * 0x1p-24f; }
+
+// Sample l of `count` of the net with this seed, in [0, 1)^2.
+static float2 net_point(uint l, uint seed)
+{
+#if (SAMPLES & (SAMPLES - 1)) == 0
+    const int bits = 31 - clz(SAMPLES);
+    // Row l of the scrambled net was row j of the Hammersley points.
+    uint j = bits == 0 ? 0u : scramble_bits(l << (31 - bits) << 1, bits, seed, true) >> (31 - bits) >> 1;
+    uint across = scramble_bits(reverse_bits(j), bits, seed + 0x9e3779b9u, false);
+    uint within = mix_bits(seed ^ mix_bits(l + 0x85ebca6bu));
+    return (float2)(unit_float(across), (l + unit_float(within)) * (1.0f / SAMPLES));
+#else
+    uint across = scramble_bits(reverse_bits(l), 24, seed + 0x9e3779b9u, false);
+    uint down = scramble_bits(sobol_second(l), 24, seed, false);
+    return (float2)(unit_float(across), unit_float(down));
+#endif
+}
+
+#ifdef LENS
+
+// Area-preserving map of the unit square to the unit disc.
+static float2 square_to_disc(float2 square)
+{
+    float x = 2.0f * square.x - 1.0f, y = 2.0f * square.y - 1.0f;
+    if (x == 0.0f && y == 0.0f) return (float2)(0.0f);
+    bool wide = fabs(x) > fabs(y);
+    float radius = wide ? x : y;
+    float angle = wide ? M_PI_4_F * (y / x) : M_PI_2_F - M_PI_4_F * (x / y);
+    return radius * (float2)(cos(angle), sin(angle));
+}
+
+#ifdef BLADES
+// Likewise to the regular polygon of BLADES sides within the unit disc.
+static float2 square_to_polygon(float2 square)
+{
+    float scaled = square.x * BLADES, blade = floor(scaled), along = scaled - blade;
+    float step = 2.0f * M_PI_F / BLADES, a = blade * step + BLADE_ROTATION;
+    float out = sqrt(square.y);
+    float2 p = (float2)(cos(a), sin(a)), q = (float2)(cos(a + step), sin(a + step));
+    return out * mix(p, q, along);
+}
+#endif
+
+static float2 lens_point(uint l, uint seed)
+{
+    float2 square;
+#if (SAMPLES & (SAMPLES - 1)) == 0
+    const int bits = 31 - clz(SAMPLES);
+    uint shuffled = bits == 0 ? 0u
+        : scramble_bits(l << (31 - bits) << 1, bits, seed ^ 0x68bc21ebu, false) >> (31 - bits) >> 1;
+    square = net_point(shuffled, seed ^ 0x02e5be93u);
+#else
+    square = net_point(l, seed ^ 0x02e5be93u);
+#endif
+#ifdef BLADES
+    return square_to_polygon(square);
+#else
+    return square_to_disc(square);
+#endif
+}
+
+#endif
+
+// Where in the filter's reach the fraction `u` of its weight lies to the left: a table of the inverse
+// of its cumulative weight. The box filter needs none.
+static inline float warp_to_filter(const Tile *tile, float u)
+{
+#ifdef FILTER_TABLE
+    float scaled = u * FILTER_TABLE;
+    int i = min((int)scaled, FILTER_TABLE - 1);
+    return mix(tile->scene.filter[i], tile->scene.filter[i + 1], scaled - i);
+#else
+    return u;
+#endif
+}
+
+// Where sample l of the pixel lies, relative to the pixel's corner.
+static inline float2 place_in_pixel(const Tile *tile, uint l, uint seed)
+{
+#ifdef SCATTERED
+    float2 at = net_point(l, seed);
+    return (float2)(warp_to_filter(tile, at.x), warp_to_filter(tile, at.y));
+#else
+    Slot slot = tile->scene.slots[l];
+    return (float2)(slot.x_low, slot.y_low);
+#endif
+}
+
+#ifdef WEIGHTED
+// A filter with negative lobes is sampled by its absolute value; where it is negative samples weigh
+// less than nothing.
+static inline float filter_sign(float2 at)
+{
+    float x = fabs(at.x - 0.5f), y = fabs(at.y - 0.5f);
+    return FILTER_MASS * ((x > FILTER_ZERO) == (y > FILTER_ZERO) ? 1.0f : -1.0f);
+}
+#endif
+
+// Places, and weights that add up to SAMPLES in every pixel, of all samples of the current layers.
+static void place(Tile *tile, int rows)
+{
+    for (int pixel = 0; pixel < TILE * TILE; pixel++) {
+        int x = tile->x + pixel % TILE, y = tile->y + pixel / TILE;
+        uint seed = mix_bits((uint)x ^ mix_bits((uint)y ^ mix_bits(SEED)));
+#ifdef WEIGHTED
+        float lacking = 1.0f;
+        for (uint l = 0; l < SAMPLES; l++)
+            lacking -= filter_sign(place_in_pixel(tile, l, seed)) * (1.0f / SAMPLES);
+#endif
+        for (int sample = pixel; sample < rows * TILE; sample += TILE * TILE) {
+            uint l = (uint)(tile->layer + sample / (TILE * TILE));
+            float2 at = place_in_pixel(tile, l, seed);
+            Place p = {(float)x + at.x, (float)y + at.y, 0.0f, 0.0f};
+#ifdef LENS
+            float2 lens = lens_point(l, seed);
+            p.u = lens.x, p.v = lens.y;
+#endif
+#ifdef WEIGHTED
+            tile->weights[sample] = filter_sign(at) + lacking;
+#endif
+            tile->places[sample] = p;
+        }
+    }
+}
