@@ -1,0 +1,339 @@
+"""Choosing a device, and explaining it when there is none or a kernel does not build."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from closed_forms import rectangle, scene, slab
+
+import mbinterval as mb
+from mbinterval.device import choose, pocl_cpu
+from mbinterval.device.choose import choose_device, devices
+from mbinterval.device.runtime import Runtime, runtime
+from mbinterval.errors import DeviceError, KernelBuildError
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(autouse=True)
+def _no_choice_in_the_environment(monkeypatch):
+    for name in ("MBINTERVAL_DEVICE", "PYOPENCL_CTX"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def fake_device(name: str, platform: str = "Platform", fp64: int = 63) -> SimpleNamespace:
+    return SimpleNamespace(
+        name=name, platform=SimpleNamespace(name=platform, version="OpenCL 3.0 test"),
+        double_fp_config=fp64,
+    )  # fmt: skip
+
+
+THREE = [
+    fake_device("Fast GPU", "Vendor OpenCL", fp64=0),
+    fake_device("Big CPU", "Vendor OpenCL"),
+    fake_device("pthread-cpu", "Portable Computing Language"),
+]
+
+
+@pytest.fixture
+def _three_devices(monkeypatch):
+    monkeypatch.setattr(choose, "_all_devices", lambda: THREE)
+
+
+def test_the_default_is_a_device_that_lists_itself_as_usable():
+    listed = devices()
+    assert [device.index for device in listed] == list(range(len(listed)))
+    chosen = choose_device()
+    assert chosen.name.strip() in [device.name for device in listed if device.usable]
+    assert choose_device(chosen) is chosen
+    first = listed[0]
+    assert first.compute_units >= 1
+    assert first.memory_bytes > 2**20
+    assert first.kind in ("CPU", "GPU", "other")
+
+
+def test_a_device_is_found_by_index_and_by_part_of_its_or_its_platforms_name():
+    (index, name) = next((d.index, d.name) for d in devices() if d.usable)
+    for wanted in (index, str(index), name, name.upper(), name[2:-2]):
+        assert choose_device(wanted).name.strip() == name
+    platform = devices()[index].platform
+    assert choose_device(platform[:8].lower()).platform.name.strip() == platform
+
+
+@pytest.mark.usefixtures("_three_devices")
+def test_among_several_pocl_is_the_default_and_names_and_indices_select():
+    assert choose_device() is THREE[2]
+    assert choose_device(1) is THREE[1]
+    assert choose_device("big") is THREE[1]
+    assert choose_device("vendor opencl big") is THREE[1]
+    assert choose_device("portable") is THREE[2]
+
+
+@pytest.mark.usefixtures("_three_devices")
+def test_the_environment_selects_and_an_argument_overrules_it(monkeypatch):
+    monkeypatch.setenv("MBINTERVAL_DEVICE", "big cpu")
+    assert choose_device() is THREE[1]
+    monkeypatch.setenv("MBINTERVAL_DEVICE", "1")
+    assert choose_device() is THREE[1]
+    assert choose_device("pthread") is THREE[2]
+    monkeypatch.setenv("MBINTERVAL_DEVICE", "no such thing")
+    with pytest.raises(DeviceError, match="no such thing"):
+        choose_device()
+
+
+@pytest.mark.usefixtures("_three_devices")
+@pytest.mark.parametrize("wanted", ["Quantum", 3, "3", "99"])
+def test_a_device_that_is_not_there_is_an_error_that_says_what_there_is(wanted):
+    with pytest.raises(DeviceError) as caught:
+        choose_device(wanted)
+    message = str(caught.value)
+    assert str(wanted) in message
+    if wanted == "Quantum":
+        assert "0: Fast GPU, 1: Big CPU, 2: pthread-cpu" in message
+    else:
+        assert "there are 3" in message
+
+
+@pytest.mark.usefixtures("_three_devices")
+def test_a_device_without_double_precision_is_refused_with_the_reason():
+    with pytest.raises(DeviceError, match=r"Fast GPU.*double precision.*--device"):
+        choose_device(0)
+
+
+def test_pyopencl_ctx_selects_as_pyopencl_reads_it(monkeypatch):
+    platform = next(i for i, d in enumerate(devices()) if d.usable)
+    monkeypatch.setenv("PYOPENCL_CTX", str(platform))
+    assert choose_device().name.strip() in [device.name for device in devices()]
+    monkeypatch.setenv("PYOPENCL_CTX", "no such platform")
+    with pytest.raises(DeviceError, match=r"PYOPENCL_CTX='no such platform'"):
+        choose_device()
+    monkeypatch.setenv("MBINTERVAL_DEVICE", "0")  # comes first
+    assert choose_device().name.strip() == devices()[0].name
+
+
+def test_no_device_at_all_says_how_to_install_one(monkeypatch):
+    monkeypatch.setattr(choose, "_all_devices", list)
+    with pytest.raises(DeviceError, match=r"no OpenCL device .*pip install 'pyopencl\[pocl\]'"):
+        choose_device()
+
+
+def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run ``code`` in a process of its own, in which OpenCL starts anew."""
+    inherited = {k: v for k, v in os.environ.items() if k not in ("MBINTERVAL_POCL_CPU",)}
+    path = os.pathsep.join([str(ROOT), str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])
+    return subprocess.run(
+        [sys.executable, "-c", code], env=inherited | {"PYTHONPATH": path} | environment,
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+
+
+CHOOSE = """
+from mbinterval.device.choose import choose_device
+from mbinterval.errors import DeviceError
+try:
+    print("found", choose_device().name)
+except DeviceError as error:
+    print("error", error)
+"""
+
+
+def test_a_cache_that_cannot_be_written_is_explained(tmp_path):
+    """Below a regular file, where root cannot write either."""
+    file = tmp_path / "file"
+    file.write_text("")
+    cache = file / "cache"
+    run = python(CHOOSE, POCL_CACHE_DIR=str(cache))
+    if "found" in run.stdout:  # another implementation than PoCL, which has no such cache
+        assert "pthread" not in run.stdout
+        return
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("error PoCL offers no device because its kernel cache")
+    assert str(cache) in run.stdout
+    assert "POCL_CACHE_DIR" in run.stdout
+    good = python(CHOOSE, POCL_CACHE_DIR=str(tmp_path / "good"))
+    assert good.stdout.startswith("found"), good.stderr
+
+
+def test_the_cache_folder_is_where_pocl_looks(monkeypatch, tmp_path):
+    monkeypatch.setenv("POCL_CACHE_DIR", "/a/b")
+    assert choose.pocl_cache_folder() == Path("/a/b")
+    monkeypatch.delenv("POCL_CACHE_DIR")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert choose.pocl_cache_folder() == tmp_path / "pocl" / "kcache"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    assert choose.pocl_cache_folder() == Path.home() / ".cache" / "pocl" / "kcache"
+
+
+def test_a_kernel_that_does_not_build_raises_with_file_options_and_log(tmp_path):
+    file = tmp_path / "broken.cl"
+    file.write_text("kernel void f(global float *p) { p[0] = no_such_name; }\n")
+    with pytest.raises(KernelBuildError) as caught:
+        runtime().kernel(str(file), "f", ("-DSOME_OPTION",))
+    for part in (str(file), "-DSOME_OPTION", runtime().device.name.strip(), "no_such_name"):
+        assert part in str(caught.value)
+    assert isinstance(caught.value, DeviceError)
+    assert KernelBuildError.exit_code == 4
+
+
+def test_a_runtime_is_shared_by_device_and_programs_are_built_once(tmp_path):
+    device = choose_device()
+    assert runtime(device) is runtime() is runtime(runtime())
+    file = tmp_path / "one.cl"
+    file.write_text("kernel void one(global int *p) { p[0] = 1; }\n")
+    kernel = runtime().kernel(str(file), "one")
+    file.write_text("this would not build")
+    assert runtime().kernel(str(file), "one") is kernel
+
+
+def test_kernels_are_made_per_thread(tmp_path):
+    from concurrent.futures import ThreadPoolExecutor
+
+    file = tmp_path / "two.cl"
+    file.write_text("kernel void two(global int *p) { p[0] = 2; }\n")
+    mine = runtime().kernel(str(file), "two")
+    with ThreadPoolExecutor(1) as pool:
+        other = pool.submit(lambda: runtime().kernel(str(file), "two")).result()
+    assert other is not mine
+
+
+def test_renders_in_two_threads_at_once_are_those_of_one():
+    from concurrent.futures import ThreadPoolExecutor
+
+    scenes = [scene([slab(rectangle(3, 9, -1, 17), (v, 0), 2.0, (32, 16))]) for v in (5, 9, 13, 17)]
+    alone = [mb.render(s, width=32, height=16).rgba for s in scenes]
+    with ThreadPoolExecutor(2) as pool:
+        together = list(pool.map(lambda s: mb.render(s, width=32, height=16).rgba, scenes * 3))
+    for index, image in enumerate(together):
+        assert np.array_equal(image, alone[index % 4])
+
+
+def test_render_takes_a_device_by_name_and_by_object():
+    picture = scene([slab(rectangle(3, 9, -1, 17), (5, 0), 2.0, (32, 16))])
+    films = [
+        mb.render(picture, width=32, height=16, device=device).rgba
+        for device in (None, 0, devices()[0].name, choose_device(0))
+    ]
+    assert all(np.array_equal(film, films[0]) for film in films)
+    with pytest.raises(DeviceError, match="Quantum"):
+        mb.render(picture, width=32, height=16, device="Quantum")
+
+
+def test_uploaded_arrays_come_back_and_empty_ones_are_allowed():
+    device: Runtime = runtime()
+    values = np.arange(1000, dtype=np.float32)
+    assert np.array_equal(device.download(device.upload(values), (1000,), np.float32), values)
+    strided = np.arange(2000, dtype=np.float32)[::2]
+    assert np.array_equal(device.download(device.upload(strided), (1000,), np.float32), strided)
+    device.upload(np.zeros(0))
+    buffer = device.allocate(64)
+    device.fill(buffer, 64, 7)
+    assert device.download(buffer, (16,), np.int32).tolist() == [7] * 16
+
+
+# The CPU that PoCL 3.0 compiles for (mbinterval/device/pocl_cpu.py).
+
+BUILD = """
+from mbinterval.device.choose import choose_device
+from mbinterval.device.runtime import runtime
+from mbinterval.device import pocl_cpu
+from mbinterval.errors import KernelBuildError
+device = choose_device()
+print("named", pocl_cpu.name_cpu(device))
+try:
+    runtime(device).kernel("analytic/bin.cl", "bin_scan")
+    print("built")
+except KernelBuildError as error:
+    print("failed", str(error).splitlines()[0])
+"""
+
+
+def is_pocl_3_0() -> bool:
+    return any("PoCL 3.0" in d.version and "DISTRO" in d.version for d in devices())
+
+
+def test_kernels_build_for_the_cpu_that_pocls_library_was_made_for(tmp_path):
+    run = python(BUILD, POCL_CACHE_DIR=str(tmp_path / "cache"))
+    assert run.returncode == 0, run.stderr
+    named, built = run.stdout.splitlines()
+    assert built == "built"
+    if is_pocl_3_0() and pocl_cpu._library_cpu():
+        assert named == f"named {pocl_cpu._library_cpu()}"
+
+
+def test_another_cpu_can_be_named_or_pocl_be_left_alone(tmp_path):
+    if not is_pocl_3_0():
+        assert python(BUILD, MBINTERVAL_POCL_CPU="x86-64").stdout.startswith("named None")
+        return
+    plain = python(BUILD, MBINTERVAL_POCL_CPU="core2", POCL_CACHE_DIR=str(tmp_path / "a"))
+    assert plain.stdout.splitlines() == ["named core2", "built"]
+    wrong = python(BUILD, MBINTERVAL_POCL_CPU="no-such-cpu", POCL_CACHE_DIR=str(tmp_path / "b"))
+    assert "named no-such-cpu" in wrong.stdout
+    assert "built" not in wrong.stdout  # the name does reach the compiler
+    alone = python(BUILD, MBINTERVAL_POCL_CPU="", POCL_CACHE_DIR=str(tmp_path / "c"))
+    named, built = alone.stdout.splitlines()
+    assert named == "named None"
+    assert built.startswith(("built", "failed device"))  # by whether LLVM 14 knows the CPU
+
+
+def test_other_versions_of_pocl_and_other_devices_are_left_alone():
+    for version in ("OpenCL 3.0 PoCL 3.1 DISTRO", "OpenCL 3.0 PoCL 3.0", "OpenCL 3.0 LINUX"):
+        platform = SimpleNamespace(version=version)
+        assert pocl_cpu.name_cpu(SimpleNamespace(platform=platform, int_ptr=0)) is None
+
+
+def test_a_record_that_does_not_look_as_expected_is_left_alone():
+    import ctypes
+
+    platform = SimpleNamespace(version="OpenCL 3.0 PoCL 3.0-rc2 DISTRO")
+    record = ctypes.create_string_buffer(4096)
+    blank = SimpleNamespace(platform=platform, int_ptr=ctypes.addressof(record))
+    assert pocl_cpu.name_cpu(blank) is None
+    unmapped = SimpleNamespace(platform=platform, int_ptr=8)
+    assert pocl_cpu.name_cpu(unmapped) is None
+    assert record.raw == bytes(4096)
+
+
+def test_the_name_is_found_beside_the_triple_and_only_there(monkeypatch):
+    import ctypes
+
+    monkeypatch.setenv("MBINTERVAL_POCL_CPU", "haswell")
+    triple = ctypes.create_string_buffer(b"x86_64-unknown-linux-gnu")
+    old = ctypes.create_string_buffer(b"generic", 64)
+    record = (ctypes.c_uint64 * 512)()
+    record[100], record[101] = ctypes.addressof(triple), ctypes.addressof(old)
+    platform = SimpleNamespace(version="OpenCL 3.0 PoCL 3.0-rc2 DISTRO")
+    device = SimpleNamespace(platform=platform, int_ptr=ctypes.addressof(record))
+    assert pocl_cpu.name_cpu(device) == "haswell"
+    assert ctypes.string_at(record[101]) == b"haswell"
+    assert [i for i, word in enumerate(record) if word] == [100, 101]
+    assert record[100] == ctypes.addressof(triple)
+
+
+@pytest.mark.parametrize(
+    ("flags", "name"),
+    [
+        ("avx512f avx512bw avx512cd avx512dq avx512vl avx2", "skylake-avx512"),
+        ("avx2 fma bmi1 bmi2 f16c abm popcnt cx16 avx512f", "haswell"),
+        ("avx popcnt cx16", "sandybridge"),
+        ("ssse3 cx16", "core2"),
+        ("sse2", None),
+    ],
+)
+def test_the_library_is_the_best_whose_instructions_the_cpu_has(flags, name, monkeypatch):
+    text = f"processor : 0\nflags\t\t: fpu {flags} nx\nflags\t\t: other\n"
+    monkeypatch.setattr(Path, "read_text", lambda self, **options: text)
+    assert pocl_cpu._library_cpu() == name
+
+
+def test_without_cpuinfo_nothing_is_named(monkeypatch):
+    def missing(self, **options):
+        raise OSError
+
+    monkeypatch.setattr(Path, "read_text", missing)
+    assert pocl_cpu._library_cpu() is None

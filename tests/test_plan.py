@@ -1,0 +1,233 @@
+"""Plans: what a scene calls for, why, and that the rest leaves no code behind."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import os
+
+import numpy as np
+import pytest
+from closed_forms import UNIT_CAMERA, rectangle, world
+from kernels import plan_of
+
+import mbinterval as mb
+from mbinterval.device.runtime import runtime
+from mbinterval.errors import KernelBuildError, UsageError
+from mbinterval.plan import Plan, check_crop, describe
+from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
+from mbinterval.scene.tracks import Track
+
+SIZE = (32, 16)
+FUNCTIONS = ("rasterize", "sort", "occlude", "solve", "envelope", "append_owned_runs")
+"""Functions of the stages of time."""
+WAYS = {
+    "triangulated": {"paths": "triangulated", "occlusion": 128},
+    "triangulated, exact occlusion": {"paths": "triangulated", "occlusion": "exact"},
+    "exact": {"paths": "exact", "occlusion": "exact"},
+    "exact, masked": {"paths": "exact", "occlusion": 64},
+}
+STAGES = {
+    "triangulated": ("rasterize", "intervals", "sort", "occlude"),
+    "triangulated, exact occlusion": ("rasterize", "intervals", "sort", "occlude"),
+    "exact": ("solve", "envelope"),
+    "exact, masked": ("solve", "mask"),
+}
+
+
+def mesh(moving: bool = True, **fields: object) -> Mesh:
+    ends = world(np.stack([rectangle(3, 9, -1, 17)] * 2), 2.0, SIZE)
+    ends[1] += [0.4, 0, 0]
+    if "material" not in fields:
+        fields["shading"] = "unlit"
+    positions = ends if moving else ends[0]
+    return Mesh(positions=positions, faces=[[0, 1, 2], [0, 2, 3]], **fields)
+
+
+def plan(*meshes: Mesh, scene: Scene | None = None, **settings: object) -> Plan:
+    scene = scene or Scene(meshes=meshes, camera=UNIT_CAMERA)
+    return plan_of(scene, mb.Settings(**settings), *SIZE)[2]
+
+
+def active(of: Plan) -> dict[str, str]:
+    """Names and reasons of the effects that are called for."""
+    return {effect.name: effect.reason for effect in of.effects if effect.active}
+
+
+PICTURE = Texture(np.random.default_rng(0).uniform(0, 1, (4, 4, 3)))
+UNLIT_PICTURE = Material("poster", texture=PICTURE, shading="unlit")
+UV = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+VERTEX_COLOR = {"color": np.eye(4, 3), "color_domain": "vertex", "name": "flag"}
+FACE_COLOR = {"color": np.eye(2, 3), "color_domain": "face", "name": "tiles"}
+
+CALLED_FOR = {
+    "motion": (mesh(), "2 motion paths, 1 motion segments"),
+    "static geometry": (mesh(False), "2 triangles do not move"),
+    "single-sided": (
+        mesh(material=Material("leaf", shading="unlit", double_sided=False)), "material 'leaf'",
+    ),
+    "phong shading": (mesh(material=Material("clay")), "material 'clay'"),
+    "texture": (mesh(material=UNLIT_PICTURE, uv=UV), "material 'poster'"),
+    "vertex colour": (mesh(**VERTEX_COLOR), "mesh 'flag'"),
+    "face colour": (mesh(**FACE_COLOR), "mesh 'tiles'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CALLED_FOR)
+def test_an_effect_is_active_where_something_calls_for_it_and_says_what(name):
+    source, reason = CALLED_FOR[name]
+    assert reason in active(plan(source))[name]
+    macro = next(effect.macro for effect in plan(source).effects if effect.name == name)
+    assert f"-D{macro}" in plan(source).options
+    other = mesh() if name == "static geometry" else mesh(False)
+    assert name not in active(plan(other))
+    assert f"-D{macro}" not in plan(other).options
+    assert all(effect.reason for effect in plan(other).effects)
+
+
+def test_effects_of_camera_background_and_settings():
+    moving = dataclasses.replace(UNIT_CAMERA, position=Track([0.75, 1.25], [[0, 0, 0], [0, 1, 0]]))
+    moved = plan(scene=Scene(meshes=[mesh(False)], camera=moving))
+    assert "the camera moves" in active(moved)["camera motion"]
+    assert "motion" in active(moved)
+    image = Scene(meshes=[mesh()], camera=UNIT_CAMERA, background=np.zeros((2, 2, 3)))
+    assert "background image" in active(plan(scene=image))
+    assert "background image" not in active(plan(scene=image, transparent=True))
+    assert "transparent film" in active(plan(mesh(), transparent=True))
+    by_depth = {"pairing": "depth", "paths": "triangulated"}
+    assert "pairing by depth" in active(plan(mesh(), **by_depth))
+    assert "pairing by depth" not in active(plan(mesh(False), **by_depth))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_stages_are_those_of_the_method_and_none_of_time_where_nothing_moves(way):
+    always = ("paths", "bin", "shade", "resolve")
+    assert plan(mesh(), **WAYS[way]).stages == (*always[:2], *STAGES[way], *always[2:])
+    both = plan(mesh(), mesh(False), **WAYS[way])
+    assert both.stages == (*always[:2], "nearest", *STAGES[way], *always[2:])
+    static = plan(mesh(False), **WAYS[way])
+    assert static.stages == (*always[:2], "nearest", *always[2:])
+    assert not {"-DMOVING", "-DMASK_BITS=128", "-DMASK_BITS=64"} & set(static.options)
+    assert static.capacity == 1  # no pools
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_films_timings_are_of_the_stages_that_ran(way):
+    for meshes in ([mesh()], [mesh(False)], [mesh(), mesh(False)]):
+        scene = Scene(meshes=meshes, camera=UNIT_CAMERA)
+        settings = mb.Settings(samples=1, **WAYS[way])
+        film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
+        stages = plan_of(scene, settings, *SIZE)[2].stages
+        assert [name for name in film.timings if name != "expose"] == list(stages)
+        assert all(seconds >= 0 for seconds in film.timings.values())
+
+
+def builds_without(of: Plan, names: tuple[str, ...], after: str) -> bool:
+    """Whether the tile kernel of a plan builds when ``names`` must not be used past ``after``."""
+    forbidden = f'#include "{after}"\n#pragma GCC poison {" ".join(names)}\n'
+    source = forbidden + '#include "analytic/tile.cl"\n'
+    try:
+        runtime()._build(source, "analytic/tile.cl", of.options)
+    except KernelBuildError as error:
+        if "poisoned" not in str(error):
+            raise
+        return False
+    return True
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_what_does_not_move_has_no_stage_of_time_in_its_kernel(way):
+    header = "analytic/tile.h"  # which names some stages' lists as fields
+    assert builds_without(plan(mesh(False), **WAYS[way]), FUNCTIONS, header)
+    assert not builds_without(plan(mesh(), **WAYS[way]), FUNCTIONS, header)
+
+
+def test_untextured_scenes_have_no_texture_code_and_unlit_ones_no_light():
+    header = "shared/shading.h"
+    for flat in (mesh(), mesh(False), mesh(**VERTEX_COLOR), mesh(**FACE_COLOR)):
+        assert builds_without(plan(flat), ("texture_at", "phong"), header)
+    textured = plan(mesh(material=UNLIT_PICTURE, uv=UV))
+    assert builds_without(textured, ("phong",), header)
+    assert not builds_without(textured, ("texture_at",), header)
+    lit = plan(mesh(material=Material("clay")))
+    assert builds_without(lit, ("texture_at",), header)
+    assert not builds_without(lit, ("phong",), header)
+
+
+def test_plans_are_values():
+    same = [plan(mesh(), samples=3) for _ in range(2)]
+    assert same[0] == same[1]
+    assert hash(same[0]) == hash(same[1])
+    assert len({*same, plan(mesh(), samples=2), plan(mesh(False), samples=3)}) == 3
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        same[0].samples = 9
+
+
+def test_the_description_lists_effects_with_reasons_and_stages():
+    scene = Scene(meshes=[mesh(name="slab"), mesh(False, name="wall")], camera=UNIT_CAMERA)
+    text = describe(scene, 1.0, *SIZE, mb.Settings(samples=2, **WAYS["triangulated"]))
+    for part in (
+        "frame 1, 32 x 16 pixels, 2 samples per pixel",
+        "on  motion: 2 motion paths",
+        "off texture: no material calls for it",
+        "slab: 2 faces, 1 motion segments",
+        "wall: 2 faces, static",
+        "stages: paths bin nearest rasterize intervals sort occlude shade resolve",
+    ):
+        assert part in text
+
+
+@pytest.mark.parametrize("crop", [(-1, 0, 4, 4), (0, 0, 33, 4), (30, 0, 4, 4), (0, 0, 0, 4)])
+def test_a_crop_outside_the_frame_is_a_usage_error(crop):
+    with pytest.raises(UsageError, match="crop"):
+        check_crop(crop, *SIZE)
+    assert check_crop(None, *SIZE) == (0, 0, *SIZE)
+    assert check_crop((31, 15, 1, 1), *SIZE) == (31, 15, 1, 1)
+
+
+EVERYTHING = Scene(
+    meshes=[
+        mesh(material=UNLIT_PICTURE, uv=UV),
+        mesh(material=Material("leaf", double_sided=False)),
+        mesh(**VERTEX_COLOR),
+        mesh(**FACE_COLOR),
+        mesh(False),
+    ],
+    camera=UNIT_CAMERA,
+    lights=[Light("ambient")],
+    background=np.zeros((2, 2, 3)),
+)
+BUILT = {
+    "empty": (Scene(meshes=[], camera=UNIT_CAMERA), {}),
+    "static": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {}),
+    "flat": (Scene(meshes=[mesh()], camera=UNIT_CAMERA), {}),
+    "lit": (Scene(meshes=[mesh(material=Material())], camera=UNIT_CAMERA), {}),
+    "textured": (Scene(meshes=[mesh(material=UNLIT_PICTURE, uv=UV)], camera=UNIT_CAMERA), {}),
+    "everything": (EVERYTHING, {}),
+    "everything, clear": (EVERYTHING, {"transparent": True, "samples": 1, "tile_size": 8}),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("name", BUILT)
+def test_kernels_build_without_a_warning(name, way, caplog):
+    import pyopencl as cl
+
+    scene, settings = BUILT[name]
+    if way == "triangulated":
+        settings = settings | {"pairing": "depth", "max_intervals": 90}
+    options = plan_of(scene, mb.Settings(**WAYS[way], **settings), *SIZE)[2].options
+    device = runtime()
+    fresh = f"-DNOT_IN_ANY_CACHE={os.getpid()}"  # what comes from a cache has no log
+    others = ("analytic/paths.cl", "analytic/bin.cl") if name == "flat" else ()
+    for file in ("analytic/tile.cl", *others):
+        program = device._build(f'#include "{file}"\n', file, (*options, fresh))
+        log = program.get_build_info(device.device, cl.program_build_info.LOG)
+        assert log.strip() == ""
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+def test_a_warning_of_the_compiler_is_logged(caplog):
+    source = f"kernel void f(global int *p) {{ p = {os.getpid()}; }}"
+    runtime()._build(source, "warned.cl", ())
+    assert "warned.cl" in caplog.text
