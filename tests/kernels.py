@@ -99,7 +99,6 @@ def slots_at(low: np.ndarray, high: np.ndarray | None = None) -> np.ndarray:
     slots = np.zeros(len(low), records.SLOT)
     for ends, corner in (("low", low), ("high", low if high is None else high)):
         slots[f"x_{ends}"], slots[f"y_{ends}"] = np.asarray(corner).T
-    slots["weight"] = 1.0
     return slots
 
 
@@ -134,11 +133,18 @@ def members_of(
     tile: int = 16,
     chunk: int = 64,
     order: np.ndarray | None = None,
+    places: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 1.0),
 ) -> list[np.ndarray]:
-    """Stage "bin": the paths of every tile of a frame of ``size``, row by row of tiles."""
+    """Stage "bin": the paths of every tile of a frame of ``size``, row by row of tiles.
+
+    ``places`` is the least and greatest x, and then y, of samples relative to their pixels.
+    """
     columns, rows = -(-size[0] // tile), -(-size[1] // tile)
-    fields = [(name, "i4") for name in "xycrs"] + [("paths", "u4"), ("chunk", "u4")]
-    grid = np.array((0, 0, columns, rows, tile, len(shapes), chunk), fields)
+    kinds = ["i4"] * 5 + ["u4"] * 2 + ["f4"] * 4
+    grid = np.array(
+        (0, 0, columns, rows, tile, len(shapes), chunk, *places),
+        [(f"field{i}", kind) for i, kind in enumerate(kinds)],
+    )
     tiles, chunks = columns * rows, -(-len(shapes) // chunk)
     order = np.arange(len(shapes)) if order is None else order
     given = [shapes, order.astype(np.uint32), grid]
