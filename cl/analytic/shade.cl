@@ -117,7 +117,7 @@ static void shade_sample(Tile *tile, int row, int column)
     for (uint i = run.start; i < run.start + run.count; i++)
         add_span(tile, sample, pixel, tile->spans[i]);
     tile->count[pixel] += tile->met[sample];
-#else
+#elif defined(STATIC) // an empty scene has neither
     if (!(tile->static_depth[sample] < INFINITY)) return;
     Span always = {0.0f, 1.0f, 1.0f, tile->static_part[sample] >> PART_BITS};
     add_span(tile, sample, pixel, always);
