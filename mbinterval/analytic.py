@@ -24,10 +24,8 @@ from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.errors import CapacityError
 from mbinterval.motion import Motion
-from mbinterval.plan import Plan, settings_filter, shutter_keys
-from mbinterval.sampling import sample_slots
+from mbinterval.plan import Plan, filter_of, shutter_keys, slots_of
 from mbinterval.scene.exposure import Exposure
-from mbinterval.settings import Settings
 
 _log = logging.getLogger(__name__)
 
@@ -75,12 +73,10 @@ class Pixels:
     stats: Mapping[str, int]
 
 
-def render_analytic(
-    runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan, settings: Settings
-) -> Pixels:
+def render_analytic(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) -> Pixels:
     """Render ``exposure``, laid out as ``motion``, by the stages of ``plan``."""
     timings: dict[str, float] = {}
-    buffers = _upload(runtime, exposure, motion, plan, settings)
+    buffers = _upload(runtime, exposure, motion, plan)
     _run_paths(runtime, motion, plan, buffers, timings)
     _run_bin(runtime, motion, plan, buffers, timings)
     stats = _run_tiles(runtime, exposure, plan, buffers, timings)
@@ -94,11 +90,8 @@ def render_analytic(
     )
 
 
-def _upload(
-    runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan, settings: Settings
-) -> Buffers:
-    shape = settings_filter(settings)
-    buffers: Buffers = {"slots_array": sample_slots(settings.pattern, plan.samples, shape)}
+def _upload(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) -> Buffers:
+    shape = filter_of(plan.settings)
     looks = appearance(motion.materials, exposure.lights)
     background = np.zeros(0, np.float32)
     if "-DBACKGROUND_IMAGE" in plan.options:
@@ -119,12 +112,12 @@ def _upload(
         "textures": looks.textures,
         "texels": looks.texels,
         "lights": looks.lights,
-        "slots": buffers["slots_array"],
+        "slots": slots_of(plan.settings),
         "filter": np.zeros(0) if shape is None else shape.table.astype(np.float32),
         "shutter": shutter_keys(exposure.shutter),
         "background": background,
     }
-    buffers |= {name: runtime.upload(array) for name, array in arrays.items()}
+    buffers: Buffers = {name: runtime.upload(array) for name, array in arrays.items()}
     buffers["light_count"] = len(looks.lights)
     return buffers
 
@@ -187,10 +180,11 @@ def _run_bin(
     order = _path_order(runtime, motion, plan, buffers)
     chunk = max(1, -(-count // _BIN_CHUNKS))
     chunks = -(-count // chunk)
-    slots = buffers["slots_array"]
+    slots = slots_of(plan.settings)
     reach = [
-        float(pick(slots[name]))
-        for name, pick in zip(slots.dtype.names, (np.min, np.max) * 2, strict=True)
+        float(pick(slots[f"{axis}_{end}"]))
+        for axis in "xy"
+        for end, pick in (("low", np.min), ("high", np.max))
     ]
     grid = _packed("iiiiiIIffff", left, top, columns, rows, plan.tile, count, chunk, *reach)
     counts = runtime.allocate(4 * chunks * tiles)

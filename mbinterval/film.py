@@ -43,6 +43,9 @@ class Film:
         Column and row of the film's first pixel in the whole frame.
     metadata
         What is written into files: frame, shutter, camera, settings, version.
+    stats
+        Counts of the render: ``tests``, pairs of a motion path and a sample that were solved, and
+        ``hits``, those of them that gave an interval (exact paths). Not written to files.
     transparent
         The background was left out of the colour, so that a PNG gets an alpha channel.
     """
@@ -54,6 +57,7 @@ class Film:
     resolution: tuple[int, int]
     origin: tuple[int, int] = (0, 0)
     metadata: Mapping[str, AttributeValue] = field(default_factory=dict)
+    stats: Mapping[str, int] = field(default_factory=dict)
     transparent: bool = False
 
     def __post_init__(self) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mbinterval.device import records
 from mbinterval.errors import UsageError
-from mbinterval.sampling import RADII, PixelFilter, pixel_filter
+from mbinterval.sampling import RADII, PixelFilter, pixel_filter, sample_slots
 from mbinterval.settings import Settings
 
 if TYPE_CHECKING:
@@ -63,9 +63,9 @@ class Plan:
     effects: tuple[Effect, ...]
     stages: tuple[str, ...]
     options: tuple[str, ...]
+    settings: Settings
     tile: int
     layers: int
-    samples: int
     capacity: int
 
     @property
@@ -121,14 +121,14 @@ def make_plan(
         ),
         options=tuple(f"-D{name}" for name in sorted(active - {""}))
         + tuple(f"-D{name}={value}" for name, value in sizes.items()),
+        settings=settings,
         tile=tile,
         layers=layers,
-        samples=settings.samples,
         capacity=capacity if timed else 1,
     )
 
 
-def settings_filter(settings: Settings) -> PixelFilter | None:
+def filter_of(settings: Settings) -> PixelFilter | None:
     """Return the pixel filter that samples are drawn from; None for a box of one pixel."""
     radius = RADII[settings.filter] if settings.filter_radius is None else settings.filter_radius
     if (settings.filter, radius) == ("box", 0.5):
@@ -136,12 +136,17 @@ def settings_filter(settings: Settings) -> PixelFilter | None:
     return pixel_filter(settings.filter, radius)
 
 
+def slots_of(settings: Settings) -> NDArray[np.void]:
+    """Return where each of a pixel's samples may lie, as ``Slot`` records."""
+    return sample_slots(settings.pattern, settings.samples, filter_of(settings))
+
+
 def _sampling_sizes(
     exposure: Exposure, settings: Settings, active: set[str]
 ) -> dict[str, int | str]:
     """Macros with a value that the effects of sampling, lens and shutter ask for."""
     sizes: dict[str, int | str] = {}
-    shape, camera = settings_filter(settings), exposure.camera
+    shape, camera = filter_of(settings), exposure.camera
     if "PLACED" in active:
         sizes["SEED"] = f"{settings.seed}u"
     if "SCATTERED" in active and shape is not None:
@@ -190,7 +195,7 @@ def _effects(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
     image = not isinstance(exposure.background, tuple)
     lens = any(np.any(poses.aperture > 0.0) for poses in exposure.cameras.values())
     scattered = settings.pattern == "sobol"
-    shape = settings_filter(settings)
+    shape = filter_of(settings)
     weighted = shape is not None and shape.mass != 1.0
     return (
         Effect("motion", paths > static, f"{paths - static} motion paths{many}", "MOVING"),

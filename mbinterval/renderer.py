@@ -61,12 +61,13 @@ def render(
     motion = lay_out(exposure, width, height)
     plan = make_plan(exposure, motion, settings, width, height, region)
     exposed = time.perf_counter() - started
-    pixels = render_analytic(runtime(device), exposure, motion, plan, settings)
+    pixels = render_analytic(runtime(device), exposure, motion, plan)
     return Film(
         rgba=pixels.rgba,
         depth=pixels.depth,
         intervals=pixels.intervals,
         timings={"expose": exposed, **pixels.timings},
+        stats=pixels.stats,
         resolution=(width, height),
         origin=region[:2],
         metadata=frame_metadata(scene, exposure, settings),

@@ -60,12 +60,15 @@ def build_scene(table: SceneTable, file: str) -> Scene:
         ]
     else:
         lights = [*scene.lights, *(light for asset in assets for light in asset.lights)]
+    shutter = scene.shutter
+    if table.shutter is not None:
+        shutter = Shutter(**table.shutter.model_dump(exclude_none=True))
     return Scene(
         meshes=[*scene.meshes, *(mesh for asset in assets for mesh in asset.meshes)],
         camera=camera,
         lights=lights,
         background=background,
-        shutter=scene.shutter if table.shutter is None else Shutter(**table.shutter.model_dump()),
+        shutter=shutter,
         fps=fps,
         name=table.name or Path(file).stem,
         notes=(*scene.notes, *(note for asset in assets for note in asset.notes), *camera_notes),
@@ -156,9 +159,16 @@ def _material(own: Material, table: MaterialTable | None, texture: Texture | Non
     return dataclasses.replace(own, **given, texture=texture)
 
 
+_CAMERA_TRACKS = (
+    *("position", "look_at", "up", "fov", "focal_length"),
+    *("f_stop", "focus_distance"),
+)
+"""Fields of the camera that may be keyed."""
+
+
 def _camera(table: CameraTable) -> Camera:
     fields = table.model_dump(exclude={"keys", "interpolation", "transform"}, exclude_none=True)
-    for name in ("position", "look_at", "up", "fov", "focal_length"):
+    for name in _CAMERA_TRACKS:
         track = _keyed(table.keys, name, table.interpolation)
         if track is not None:
             fields[name] = track

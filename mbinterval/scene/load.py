@@ -127,4 +127,10 @@ def _from_table(data: Any, base: Path, file: str) -> SceneFile:
     values = table.render.model_dump(exclude_none=True)
     if "frames" in values:
         values["frames"] = str(values["frames"])
-    return SceneFile(build_scene(table, file), table.settings, RenderDefaults(**values))
+    try:
+        scene = build_scene(table, file)
+    except SceneError as error:
+        if str(error).startswith(file):
+            raise
+        raise SceneError(f"{file}: {error}") from None
+    return SceneFile(scene, table.settings, RenderDefaults(**values))

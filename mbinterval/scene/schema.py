@@ -56,6 +56,16 @@ def _up(value: Any) -> tuple[float, ...]:
     return up
 
 
+def _curve(value: Any) -> str | tuple[float, ...]:
+    if value in ("box", "triangle", "trapezoid"):
+        return str(value)
+    if not isinstance(value, list | tuple) or len(value) < 2:
+        raise _problem(
+            f"expected 'box', 'triangle', 'trapezoid' or a list of numbers, got {value!r:.80}"
+        )
+    return _numbers(len(value))(value)
+
+
 def _array(value: Any) -> np.ndarray[Any, Any]:
     try:
         array = np.asarray(value)
@@ -93,6 +103,7 @@ def _problem(text: str) -> PydanticCustomError:
     return PydanticCustomError("mbinterval", "{text}", {"text": text})
 
 
+Curve = Annotated[str | tuple[float, ...], PlainValidator(_curve)]
 Vec3 = Annotated[Vector3, PlainValidator(_numbers(3))]
 Direction = Annotated[Vector3, PlainValidator(_up)]
 Scale = Annotated[Vector3, PlainValidator(_scale)]
@@ -145,6 +156,8 @@ class CameraKey(Table):
     up: Direction | None = None
     fov: Angle | None = None
     focal_length: Positive | None = None
+    f_stop: Positive | None = None
+    focus_distance: Positive | None = None
 
 
 class CameraTable(Table):
@@ -159,15 +172,28 @@ class CameraTable(Table):
     focal_length: Positive | None = None
     vertical_aperture: Positive | None = None
     horizontal_aperture: Positive | None = None
+    f_stop: Positive | None = None
+    focus_distance: Positive | None = None
+    blades: int | None = None
+    blade_rotation: float | None = None
+    sharp_range: tuple[Positive, Positive] | None = None
+    foreground_blur: NotNegative | None = None
+    meters_per_unit: Positive | None = None
     interpolation: Interpolation = "linear"
     keys: list[CameraKey] = Field(default_factory=list)
 
 
 class ShutterTable(Table):
-    """When the shutter opens and closes, in frames relative to the frame."""
+    """See `mbinterval.Shutter`; open and close in frames relative to the frame."""
 
-    open: float = -0.25
-    close: float = 0.25
+    open: float | None = None
+    close: float | None = None
+    curve: Curve | None = None
+    opening: NotNegative | None = None
+    closing: NotNegative | None = None
+    rolling: Literal["down", "up", "right", "left"] | None = None
+    line_offset: NotNegative | None = None
+    line_exposure: Positive | None = None
 
 
 class LightTable(Table):
