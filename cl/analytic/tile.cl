@@ -73,17 +73,35 @@ static bool render_piece(Tile *tile, global ulong *ticks)
     return clocked(shade(tile), SHADE, ticks, &clock);
 }
 
-// All rows of the tile's current layers, in as few pieces as fit. False when a row does not fit.
+// Records of the fullest of the pools that grow with a piece.
+static inline uint fullest_pool(const Tile *tile)
+{
+#if !defined(MOVING)
+    return 0u;
+#elif defined(EXACT)
+    return max(tile->visit_count, tile->span_count);
+#else
+    return max(max(tile->fragment_count, tile->interval_count),
+               max(tile->sorted_count, tile->span_count));
+#endif
+}
+
+// All rows of the tile's current layers, in pieces that fit. What fitted last is tried first, more
+// where there was room. False when a single row does not fit.
 static bool render_layers(Tile *tile, int rows, global ulong *ticks)
 {
-    int size = rows;
     for (tile->row_low = 0; tile->row_low < rows; tile->row_low = tile->row_high) {
-        tile->row_high = min(tile->row_low + size, rows);
+        tile->row_high = min(tile->row_low + tile->piece_rows, rows);
         while (!render_piece(tile, ticks)) {
-            size = (tile->row_high - tile->row_low) / 2;
-            if (size == 0) return false;
-            tile->row_high = tile->row_low + size;
+            tile->piece_rows = (tile->row_high - tile->row_low) / 2;
+            if (tile->piece_rows == 0) {
+                tile->piece_rows = 1;
+                return false;
+            }
+            tile->row_high = tile->row_low + tile->piece_rows;
         }
+        if (fullest_pool(tile) < tile->capacity / 3u)
+            tile->piece_rows = min(2 * tile->piece_rows, ROWS);
     }
     return true;
 }
@@ -159,6 +177,7 @@ kernel void tile(
     };
     Tile tile = {
         .capacity = grid.capacity,
+        .piece_rows = ROWS,
         .spans = spans + pool,
         .static_depth = (global double *)per_sample,
         .static_part = per_sample + 2 * ROWS * TILE,

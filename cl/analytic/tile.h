@@ -59,6 +59,7 @@ typedef struct {
     int y_low, y_high;           // rows likewise
     int layer;                   // sample of the first layer
     int row_low, row_high;       // rows of the piece
+    int piece_rows;              // how many to try
     global const uint *members;  // paths that may touch the tile, ascending
     uint member_count, static_count;
 #ifdef PLACED
