@@ -24,8 +24,8 @@ DEFAULTS = {"TILE": 16, "SAMPLES": 1, "LAYERS": 1, "MASK_BITS": 128, "STATIC_PAT
 
 
 def options(*effects: str, **sizes: object) -> tuple[str, ...]:
-    """Compiler options as a plan makes them."""
-    named = DEFAULTS | sizes
+    """Compiler options as a plan makes them; a size of None is left out."""
+    named = {name: value for name, value in (DEFAULTS | sizes).items() if value is not None}
     return tuple(f"-D{name}" for name in effects) + tuple(f"-D{n}={v}" for n, v in named.items())
 
 

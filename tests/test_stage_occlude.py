@@ -13,7 +13,11 @@ ALL_BITS = [32, 64, 128, 256]
 
 
 def occlude(
-    samples: list[np.ndarray], bits: int, capacity: int = 1 << 14, clock: list[float] | None = None
+    samples: list[np.ndarray],
+    bits: int | None,
+    *effects: str,
+    capacity: int = 1 << 14,
+    clock: list[float] | None = None,
 ) -> tuple[list[np.ndarray], bool, np.ndarray]:
     """Spans of every sample whose times ``(n, 2)`` are given front to back; whether all fit.
 
@@ -28,9 +32,11 @@ def occlude(
         start += len(times)
     spans = np.zeros(capacity + 8, records.SPAN)
     spans["weight"] = -1.0
-    arrays = [pool, runs, np.uint32(capacity), spans, np.zeros_like(runs), np.zeros(2, np.uint32)]
-    defines = options(TILE=TILE, MASK_BITS=bits)
-    _, _, spans, span_runs, (done, _) = run(
+    scratch = np.zeros(2 * (capacity + 16), np.float32)
+    tail = [spans, np.zeros_like(runs), np.zeros(2, np.uint32)]
+    arrays = [pool, runs, np.uint32(capacity), scratch, *tail]
+    defines = options(*effects, TILE=TILE, MASK_BITS=bits)
+    _, _, _, spans, span_runs, (done, _) = run(
         "occlude.cl", "occlude_tile", arrays, defines, clock=clock
     )
     found = []
@@ -116,15 +122,59 @@ def test_weights_sum_to_the_covered_part_and_never_beyond_one():
         assert spans["weight"].sum() == np.mean(seen_bits(times, 128) >= 0)
 
 
-def test_the_walk_along_a_sample_ends_when_its_mask_is_full():
+WAYS = {"128 bits": (128,), "partial bits": (128, "PARTIAL_BITS"), "exact": (None,)}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_walk_along_a_sample_ends_when_all_of_it_is_covered(way):
     """A million intervals behind one that covers all cost nothing; not so behind a gap."""
     times = np.tile([0.0, 0.9], (1_000_000, 1))
-    closed, open_ = [], []
-    for first, clock in ((1.0, closed), (0.9, open_)):
+    closed, gaping = [], []
+    for first, clock in ((1.0, closed), (0.9, gaping)):
         times[0] = 0.0, first
-        (spans,), _, _ = occlude([times], 128, clock=clock)
+        (spans,), _, _ = occlude([times], *WAYS[way], clock=clock)
         assert spans["weight"].tolist() == [pytest.approx(first, abs=0.01)]
-    assert open_[0] > 20 * closed[0]
+    assert gaping[0] > 20 * closed[0]
+
+
+def test_without_a_mask_spans_are_what_no_interval_before_has_covered():
+    rng = np.random.default_rng(11)
+    samples = [random_times(rng, rng.integers(0, 40), rng.choice([0.02, 0.2])) for _ in range(60)]
+    found, done, _ = occlude(samples, None)
+    assert done
+    fine = 512 * 27  # cells whose centres lie on no end of an interval
+    owner, compared = records.SPAN.names[-1], 0
+    for spans, times in zip(found, samples, strict=True):
+        centre = (np.arange(fine) + 0.5) / fine
+        ours = np.full(fine, -1)
+        for span in spans:
+            inside = (span["t0"] <= centre) & (centre < span["t1"])
+            assert np.all(ours[inside] == -1)
+            ours[inside] = span[owner]
+            assert span["weight"] == pytest.approx(span["t1"] - span["t0"], abs=1e-7)
+            assert times[span[owner], 0] <= span["t0"] < span["t1"] <= times[span[owner], 1]
+        assert np.array_equal(ours, seen_bits(times, fine))
+        compared += len(spans)
+    assert compared > 300
+
+
+def test_partial_bits_give_an_interval_its_own_length_and_neighbours_a_common_border():
+    rng = np.random.default_rng(12)
+    alone = rng.uniform(0, 0.7, (60, 1)) + [0.0, 0.05] + rng.uniform(0, 0.2, (60, 1)) * [0, 1]
+    found, _, _ = occlude([times[None] for times in alone], 32, "PARTIAL_BITS")
+    for spans, (t0, t1) in zip(found, alone, strict=True):
+        assert len(spans) == 1
+        assert spans["weight"][0] == pytest.approx(t1 - t0, abs=1e-6)
+        whole = np.mean(seen_bits(np.array([[t0, t1]]), 32) >= 0)
+        assert abs(whole - (t1 - t0)) < 1 / 32
+    samples = [random_times(rng, 30, 0.2) for _ in range(60)]
+    found, _, _ = occlude(samples, 64, "PARTIAL_BITS")
+    for spans, times in zip(found, samples, strict=True):
+        order = spans[np.argsort(spans["t0"])]
+        assert np.all(order["t1"][:-1] <= order["t0"][1:])
+        assert np.all(order["t0"] < order["t1"])
+        own = times[order[records.SPAN.names[-1]]]
+        assert np.all((own[:, 0] <= order["t0"]) & (order["t1"] <= own[:, 1]))
 
 
 def test_a_full_pool_is_reported_and_nothing_is_written_beyond_it():
