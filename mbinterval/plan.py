@@ -253,6 +253,12 @@ def _effects(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
         Effect("static geometry", static > 0, f"{static} triangles do not move", "STATIC"),
         Effect("single-sided", bool(single), _named("material", single), "SINGLE_SIDED"),
         Effect("phong shading", bool(phong), _named("material", phong), "PHONG"),
+        Effect(
+            "point lights",
+            bool(phong) and any(light.kind == "point" for light in exposure.lights),
+            f"{sum(light.kind == 'point' for light in exposure.lights)} point lights",
+            "POINT_LIGHTS",
+        ),
         Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
         Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
         Effect("face colour", bool(painted), _named("mesh", painted), "FACE_COLOR"),

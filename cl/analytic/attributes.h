@@ -17,6 +17,7 @@ typedef struct {
     float2 uv[6];
     float3 normal[6], color[6];
     float circle[6];
+    float3 ray[2], eye[2]; // world, at the segment's start and end: eye + w ray is seen at depth w
 } Shaded;
 
 typedef struct {
@@ -68,14 +69,20 @@ static void load_corners(const Tile *tile, Shaded *s)
 #ifdef LENS
         s->circle[i] = (float)tile->scene.vertices[corner_vertex(s->path, i)].circle;
 #endif
+#ifdef TEXTURED
         if (mesh.uv != NONE)
             s->uv[i] = vload2(attribute_index(s, mesh.uv, mesh.uv_step, i), tile->scene.uvs);
+#endif
+#ifdef VERTEX_COLOR
         if (mesh.color != NONE)
             s->color[i] = vload3(attribute_index(s, mesh.color, mesh.color_step, i),
                                  tile->scene.vertex_colors);
+#endif
+#ifdef PHONG
         if (mesh.normal != NONE)
             s->normal[i] = vload3(attribute_index(s, mesh.normal, mesh.normal_step, i),
                                   tile->scene.normals);
+#endif
     }
 #ifdef PHONG
     if (mesh.normal == NONE && (s->material.flags & MATERIAL_PHONG))
@@ -85,41 +92,59 @@ static void load_corners(const Tile *tile, Shaded *s)
 #endif
 }
 
-static Attributes blend_corners(const Shaded *s, const float *weights)
+// Attributes at weights of the six corners; those that no effect asks for stay out.
+static inline Attributes blend_corners(const Shaded *s, const float *weights)
 {
-    Attributes a = {0.0f, 0.0f, 0.0f, 0.0f};
-    for (int i = 0; i < 6; i++) {
-        a.uv += weights[i] * s->uv[i];
-        a.normal += weights[i] * s->normal[i];
-        a.color += weights[i] * s->color[i];
-        a.circle += weights[i] * s->circle[i];
-    }
+    Attributes a = {0.0f, 0.0f, 1.0f, 0.0f};
+#ifdef TEXTURED
+    for (int i = 0; i < 6; i++) a.uv += weights[i] * s->uv[i];
+#endif
+#ifdef PHONG
+    for (int i = 0; i < 6; i++) a.normal += weights[i] * s->normal[i];
+#endif
+#ifdef VERTEX_COLOR
+    a.color = 0.0f;
+    for (int i = 0; i < 6; i++) a.color += weights[i] * s->color[i];
+#endif
+#ifdef LENS
+    for (int i = 0; i < 6; i++) a.circle += weights[i] * s->circle[i];
+#endif
     return a;
 }
 
 #ifdef PHONG
-// Reflected light at time t, when the surface is seen at depth w; `circle` is its circle of confusion
-// times w.
-static float3 reflect_light(const Tile *tile, const Shaded *s, float3 normal, float3 color,
-                            float circle, float t, float w)
+// The view through the sample's point of the film at the segment's start and end.
+static void load_view(const Tile *tile, Shaded *s)
 {
-    // The pixel where the point would be seen through the middle of the lens.
-    double x = s->place.x - s->place.u * circle / w, y = s->place.y - s->place.v * circle / w;
-    float tau = (t - s->path.open) / s->path.length;
-    global const Camera *c0 = segment_camera(tile, s, 0), *c1 = segment_camera(tile, s, 1);
-    float ray[3], eye[3];
-    for (int i = 0; i < 3; i++) {
-        global const double *m0 = c0->inverse + 3 * i, *m1 = c1->inverse + 3 * i;
-        double start = m0[0] * x + m0[1] * y + m0[2];
-        double end = m1[0] * x + m1[1] * y + m1[2];
-        ray[i] = (float)(start + (end - start) * tau);
-        eye[i] = (float)(c0->eye[i] + (c1->eye[i] - c0->eye[i]) * tau);
+    for (int end = 0; end < 2; end++) {
+        global const Camera *camera = segment_camera(tile, s, end);
+        float ray[3], eye[3];
+        for (int i = 0; i < 3; i++) {
+            global const double *m = camera->inverse + 3 * i;
+            ray[i] = (float)(m[0] * s->place.x + m[1] * s->place.y + m[2]);
+            eye[i] = (float)camera->eye[i];
+        }
+        s->ray[end] = (float3)(ray[0], ray[1], ray[2]);
+        s->eye[end] = (float3)(eye[0], eye[1], eye[2]);
     }
-    float3 along = (float3)(ray[0], ray[1], ray[2]);
-    float3 position = (float3)(eye[0], eye[1], eye[2]) + w * along;
-    float3 view = -normalize(along);
-    normal = normalize(normal);
-    if (!(s->material.flags & MATERIAL_SINGLE_SIDED) && dot(normal, view) < 0.0f) normal = -normal;
+}
+
+// Reflected light at time t of the shutter and depth w.
+static float3 reflect_light(const Tile *tile, const Shaded *s, Attributes a, float3 color, float t,
+                            float w)
+{
+    float tau = (t - s->path.open) / s->path.length;
+    float3 ray = s->ray[0] + tau * (s->ray[1] - s->ray[0]);
+    float3 position = s->eye[0] + tau * (s->eye[1] - s->eye[0]);
+#ifdef LENS
+    // The point is seen through the middle of the lens where its circle of confusion is not.
+    global const double *m = segment_camera(tile, s, 0)->inverse;
+    float x = -s->place.u * a.circle / w, y = -s->place.v * a.circle / w;
+    ray += (float3)(m[0] * x + m[1] * y, m[3] * x + m[4] * y, m[6] * x + m[7] * y);
+#endif
+    position += w * ray;
+    float3 view = -unit(ray), normal = unit(a.normal);
+    if (!(s->material.flags & MATERIAL_SINGLE_SIDED) && dot3(normal, view) < 0.0f) normal = -normal;
     return phong(s->material, color, position, normal, view, tile->scene.lights,
                  tile->scene.light_count);
 }

@@ -69,9 +69,13 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
             here *= texture_at(tile->scene.texels, texture, a.uv, level);
 #endif
 #ifdef PHONG
-        if (s->material.flags & MATERIAL_PHONG)
-            here = reflect_light(tile, s, a.normal, here, a.circle, t,
-                                 span_depth(tile, span, s->place, t));
+        if (s->material.flags & MATERIAL_PHONG) {
+            float w = 1.0f; // depth is for what lies near
+#if defined(POINT_LIGHTS) || defined(LENS)
+            w = varying_depth(&v, t);
+#endif
+            here = reflect_light(tile, s, a, here, t, w);
+        }
 #endif
         float light = part_light(tile, s, span, i, n);
         sum += light * here, total += light;
@@ -94,6 +98,9 @@ static float3 span_color(const Tile *tile, Span span, Place place, float2 window
     s.segment = (uint)(path.open / path.length + 0.5f);
     s.place = place, s.window = window;
     load_corners(tile, &s);
+#ifdef PHONG
+    load_view(tile, &s);
+#endif
     color = varying_color(tile, &s, span, color);
 #endif
     return color;

@@ -7,10 +7,10 @@
 //
 // The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
 // time), MASK_BITS, TEXTURE_SAMPLES, STATIC_PATHS (the first paths, which do not move), and a macro
-// for each effect that the scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG, TEXTURED,
-// VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, MAX_INTERVALS, PLACED
-// (samples lie differently in every pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE,
-// WEIGHTED, SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS.
+// for each effect that the scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG, POINT_LIGHTS,
+// TEXTURED, VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS,
+// MAX_INTERVALS, PLACED (samples lie differently in every pixel), SCATTERED (over the pixel), LENS,
+// BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 

@@ -9,6 +9,7 @@
 
 typedef struct {
     double edge[3][3];
+    DepthCurve depth;
 } Varying;
 
 static inline uint span_path(const Tile *tile, Span span) { return span.source; }
@@ -25,7 +26,13 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     MovingTriangle triangle;
     load_moving(tile->scene.vertices, s->path, tile->scene.shapes[span.source].flags, &triangle);
     for (int i = 0; i < 3; i++) edge_function(&triangle, i, s->place, v.edge[i]);
+    v.depth = depth_curve(tile, span.source, s->place);
     return v;
+}
+
+static inline float varying_depth(const Varying *v, float t)
+{
+    return (float)curve_depth(&v->depth, t);
 }
 
 static Attributes attributes_at(const Shaded *s, const Varying *v, float t)

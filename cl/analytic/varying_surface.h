@@ -76,6 +76,12 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     return v;
 }
 
+static inline float varying_depth(const Varying *v, float t)
+{
+    Interval i = v->interval;
+    return i.w0 + (i.w1 - i.w0) * ((t - i.t0) / (i.t1 - i.t0));
+}
+
 static Attributes attributes_at(const Shaded *s, const Varying *v, float t)
 {
     float part = (t - v->t0) * v->over;
