@@ -30,7 +30,7 @@ Times = tuple[np.ndarray, np.ndarray]
 
 
 def film(scene_: Scene, way: str, samples: int = 1, **settings: object) -> mb.Film:
-    settings_ = mb.Settings(samples=samples, **WAYS[way], **settings)
+    settings_ = mb.Settings(samples=samples, pattern="fixed", **WAYS[way], **settings)
     return mb.render(scene_, width=SIZE[0], height=SIZE[1], settings=settings_)
 
 

@@ -254,7 +254,7 @@ def case_of(name: str, seed: int) -> tuple[Scene, mb.Settings]:
     case = CASES[name]
     meshes = case.meshes(np.random.default_rng(seed))
     scene = Scene(meshes=meshes, camera=case.camera, lights=LIGHTS, background=case.background)
-    fixed = {"paths": "triangulated", "occlusion": 128, "samples": 1}
+    fixed = {"paths": "triangulated", "occlusion": 128, "samples": 1, "pattern": "fixed"}
     return scene, mb.Settings(**(fixed | case.settings))
 
 
@@ -301,7 +301,7 @@ def test_everything_at_once_agrees_but_for_how_spans_end_where_surfaces_cross(se
         meshes=everything(np.random.default_rng(seed)),
         camera=MOVING_CAMERA, lights=LIGHTS, background=(0.1, 0.2, 0.3),
     )  # fmt: skip
-    settings = mb.Settings(paths="triangulated", occlusion=128, samples=2)
+    settings = mb.Settings(paths="triangulated", occlusion=128, samples=2, pattern="fixed")
     found = compare(scene, SIZE, settings)
     assert rms(found.error) < 0.2 * cut_within_a_bit(settings)
     assert np.abs(found.error[..., 3][~found.delicate]).max() < 1e-6
