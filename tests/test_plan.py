@@ -154,6 +154,18 @@ def test_untextured_scenes_have_no_texture_code_and_unlit_ones_no_light():
     assert not builds_without(lit, ("phong",), header)
 
 
+def test_point_lights_are_called_for_by_lit_materials_under_them():
+    clay = mesh(material=Material("clay"))
+    for lights, meshes, called_for in (
+        ([Light("point")], [clay], True),
+        ([Light("directional")], [clay], False),
+        ([Light("point")], [mesh()], False),
+    ):
+        planned = plan(scene=Scene(meshes=meshes, camera=UNIT_CAMERA, lights=lights))
+        assert ("point lights" in active(planned)) == called_for
+        assert ("-DPOINT_LIGHTS" in planned.options) == called_for
+
+
 def test_plans_are_values():
     same = [plan(mesh(), samples=3) for _ in range(2)]
     assert same[0] == same[1]

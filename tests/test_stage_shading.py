@@ -87,13 +87,39 @@ def test_reflected_light_is_phongs_sum_over_the_lights(shininess, lights):
         tables.lights if lights else np.zeros(1, tables.lights.dtype), np.uint32(len(lights)),
         np.zeros((len(given), 3), np.float32),
     ]  # fmt: skip
-    found = run("shading.cl", "reflections", arrays)[-1]
+    defines = ["-DPOINT_LIGHTS"] * any(light.kind == "point" for light in lights)
+    found = run("shading.cl", "reflections", arrays, defines)[-1]
     color, position, normal, view = given.astype(np.float64).swapaxes(0, 1)
     parts = [twin.phong(material, color, position, normal, view, light) for light in lights]
     truth = sum(parts, np.zeros((3000, 3)))
     assert np.abs(found - truth).max() < 1e-5 * max(shininess, 1.0) * max(truth.max(), 1e-3)
     if lights:
         assert np.abs(found - 1.01 * truth).max() > 1e-3
+
+
+def test_powers_are_those_of_double_precision_from_the_least_to_the_greatest():
+    rng = np.random.default_rng(4)
+    x = np.concatenate(
+        [
+            rng.uniform(0, 1, 4000),
+            1 - 10.0 ** rng.uniform(-8, -1, 2000),
+            10.0 ** rng.uniform(-38, 0, 2000),
+            [1.0, 0.5, 0.70710677, 0.7071068],
+        ]
+    )
+    y = 10.0 ** rng.uniform(-3, 5, len(x))
+    y[::7] = np.round(y[::7])
+    x, y = x.astype(np.float32), y.astype(np.float32)
+    found = run("shading.cl", "powers", [x, y, np.uint32(len(x)), np.zeros_like(x)])[-1]
+    logarithm = y.astype(np.float64) * np.log(x.astype(np.float64))
+    truth = np.exp(logarithm)
+    # Rounding of the logarithm is scaled by it; what is below the least normal number may be 0.
+    error = np.abs(found - truth)
+    assert np.all(error <= 4e-7 * (1.0 - logarithm) * truth + 1.2e-38)
+    assert np.any(error > 4e-9 * (1.0 - logarithm) * truth + 1.2e-38)
+    assert np.all((found >= 0) & (found <= 1))
+    assert np.median(error[truth > 0.1]) < 1e-7
+    assert np.abs(found - truth**1.001).max() > 1e-4
 
 
 def test_levels_of_the_pool_are_those_of_the_twin():

@@ -1,4 +1,4 @@
-// Texture look-ups, and Phong's model for one light each, one after the other.
+// Texture look-ups, reflected light and powers, one after the other.
 #include "shared/shading.h"
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -19,4 +19,9 @@ kernel void reflections(global const Material *materials, global const float *gi
         vstore3(phong(materials[0], vload3(0, row), vload3(1, row), vload3(2, row), vload3(3, row),
                       lights, light_count), i, colors);
     }
+}
+
+kernel void powers(global const float *x, global const float *y, uint count, global float *out)
+{
+    for (uint i = 0; i < count; i++) out[i] = power(x[i], y[i]);
 }
