@@ -21,8 +21,18 @@ static double bernstein_discriminant(double b0, double b1, double b2)
     return fma(b1, b1, -product) - rest;
 }
 
+// Keep a root that did not round to an end of [0, 1]. One at 0 changes the sign at once.
+static int keep_inner_root(double root, bool *negative, double *roots)
+{
+    if (root >= 1.0) return 0;
+    roots[0] = root;
+    if (root > 0.0) return 1;
+    *negative = !*negative;
+    return 0;
+}
+
 // Times strictly inside (0, 1) at which b0 (1-t)^2 + 2 b1 t (1-t) + b2 t^2 changes its sign,
-// ascending; returns how many. *negative gets its sign just after 0. A double root is no change.
+// ascending; returns how many. *negative gets its sign before the first. A double root is no change.
 //
 // With r = t / (1-t) the roots are those of b2 r^2 + 2 b1 r + b0: a negative ratio of the ends
 // leaves one positive root, a positive one none or two. Both forms below only add what has one sign.
@@ -33,21 +43,21 @@ static int bernstein_quadratic_roots(double b0, double b1, double b2, bool *nega
     if (b0 == 0.0 || b2 == 0.0) { // one root is an end; the other one divides a line
         double c0 = b0 != 0.0 ? b0 : 2.0 * b1, c1 = b2 != 0.0 ? b2 : 2.0 * b1;
         if (!(b0 != 0.0 || b2 != 0.0) || !(c0 < 0.0 ? c1 > 0.0 : c0 > 0.0 && c1 < 0.0)) return 0;
-        roots[0] = c0 / (c0 - c1);
-        return roots[0] > 0.0 && roots[0] < 1.0;
+        return keep_inner_root(c0 / (c0 - c1), negative, roots);
     }
     if (start < 0.0) b0 = -b0, b1 = -b1, b2 = -b2;
     if ((start < 0.0) != (end < 0.0)) {
         double root = sqrt(b1 * b1 - b0 * b2); // both terms have one sign: nothing cancels
         double before = b1 >= 0.0 ? b1 + root : b0, after = b1 >= 0.0 ? -b2 : root - b1;
-        roots[0] = before / (before + after);
-        return roots[0] > 0.0 && roots[0] < 1.0;
+        return keep_inner_root(before / (before + after), negative, roots);
     }
     double discriminant = bernstein_discriminant(b0, b1, b2);
     if (b1 >= 0.0 || !(discriminant > 0.0)) return 0;
     double far = sqrt(discriminant) - b1;
-    roots[0] = b0 / (b0 + far), roots[1] = far / (far + b2);
-    return roots[0] > 0.0 && roots[0] < roots[1] && roots[1] < 1.0 ? 2 : 0;
+    double first = b0 / (b0 + far), second = far / (far + b2);
+    if (!(first < second)) return 0;
+    int count = keep_inner_root(first, negative, roots);
+    return count + keep_inner_root(second, negative, roots + count);
 }
 
 // Root of the cubic between low, just after which it is negative or not, and high.
