@@ -66,20 +66,23 @@ static bool insert_facing(const Gather *g, Place place, Changes *changes)
 static bool solve_any(Tile *tile, const Gather *g, int sample, Place place)
 {
     Changes changes = {.count = 0};
+    bool behind = g->shape->flags & SHAPE_BEHIND;
     int positive = 0; // bit i: edge i is above zero; bit 3: the path's back faces the eye
+    int back = behind ? 15 : 7; // before the eye the edges say which side faces it
     for (int i = 0; i < 3; i++) {
         double b[3], roots[2];
         bool negative;
         perturbed_edge_function(&g->triangle, i, place, b);
+        if (b[0] == 0.0 && b[1] == 0.0 && b[2] == 0.0) return true; // two vertices are one
         int count = bernstein_quadratic_roots(b[0], b[1], b[2], &negative, roots);
         for (int k = 0; k < count; k++) insert_change(&changes, roots[k], i);
         positive |= !negative << i;
     }
-    positive |= insert_facing(g, place, &changes) << 3;
+    if (behind) positive |= insert_facing(g, place, &changes) << 3;
     double low = 0.0;
     for (int k = 0; k <= changes.count; k++) {
         double high = k < changes.count ? changes.time[k] : 1.0;
-        bool covered = positive == 0 || (positive == 15 && !g->single_sided);
+        bool covered = positive == 0 || (positive == back && !g->single_sided);
         if (covered && low < high && !append_visit(tile, g, sample, low, high)) return false;
         if (k < changes.count) positive ^= 1 << changes.function[k];
         low = high;
