@@ -110,6 +110,42 @@ static Depth depth_over_time(const double3 *q)
     return depth;
 }
 
+// Sum of a b and c d in twice the precision: (rounded, rest).
+static double2 exact_products(double a, double b, double c, double d)
+{
+    double p = a * b, q = c * d, sum = p + q, added = sum - p;
+    double lost = (p - (sum - added)) + (q - added);
+    return (double2)(sum, lost + (fma(a, b, -p) + fma(c, d, -q)));
+}
+
+// Determinant to the last bit or nearly so, whatever cancels.
+static double exact_determinant(double3 a, double3 b, double3 c)
+{
+    const double left[3] = {a.x, a.y, a.z};
+    const double2 minors[3] = {exact_products(b.y, c.z, -b.z, c.y),
+                               exact_products(b.z, c.x, -b.x, c.z),
+                               exact_products(b.x, c.y, -b.y, c.x)};
+    double sum = 0.0, rest = 0.0;
+    for (int i = 0; i < 3; i++) {
+        double term = left[i] * minors[i].x, next = sum + term, added = next - sum;
+        rest += (sum - (next - added)) + (term - added);
+        rest += fma(left[i], minors[i].x, -term) + left[i] * minors[i].y;
+        sum = next;
+    }
+    return sum + rest;
+}
+
+// The determinant over time of a path that reaches behind the eye: its zeros end intervals.
+static void exact_facing(const double3 *q, double *d)
+{
+    for (int k = 0; k < 4; k++) d[k] = 0.0;
+    for (int corners = 0; corners < 8; corners++) { // bit i: vertex i at the segment's end
+        int a = corners & 1, b = corners >> 1 & 1, c = corners >> 2;
+        d[a + b + c] += exact_determinant(q[3 * a], q[1 + 3 * b], q[2 + 3 * c]);
+    }
+    d[1] /= 3.0, d[2] /= 3.0;
+}
+
 // When the path's front faces the viewer: while the determinant d of its vertices is below zero. At
 // its zeros the triangle's plane passes through the eye. The sample plays no part.
 static void facing_over_time(const double *d, Shape *shape)
@@ -159,6 +195,7 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     shape->scale = (float)exp2(-floor(log2(fmax(w_high, -w_low))));
     shape->planes = blur < INFINITY ? bounding_planes(q, blur, shape) : 0u;
     *depth = depth_over_time(q);
+    if (shape->flags & SHAPE_BEHIND) exact_facing(q, depth->d);
     facing_over_time(depth->d, shape);
 #ifndef LENS // through the points of a lens a path faces the eye at other times
     if (single_sided && shape->facing[0] < 0.0f && shape->facing[1] > 1.0f)
