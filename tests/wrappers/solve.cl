@@ -1,0 +1,43 @@
+// Stage "solve" on pairs of a path and a sample that a test made: WIDE samples for each path.
+#include "analytic/solve.cl"
+
+static void begin_pairs(const Tile *tile, uint path, global const float2 *places, Gather *g)
+{
+    begin_gather(tile, path, g);
+    clear_gather(g);
+    g->waiting = WIDE;
+    for (int i = 0; i < WIDE; i++) {
+        g->samples[i] = (int)(path * WIDE) + i;
+        g->x[i] = places[path * WIDE + i].x, g->y[i] = places[path * WIDE + i].y;
+    }
+}
+
+// `one_by_one` leaves the vectors out. Lists are by pair; result: done, number of visits.
+kernel void solve_pairs(global const Vertex *vertices, global const Path *paths,
+                        global const Shape *shapes, global const Mesh *meshes,
+                        global const Material *materials, uint count,
+                        global const float2 *places, uint one_by_one, uint capacity,
+                        global Visit *visits, global int *heads, global int *tails,
+                        global uint *met, global uint *result)
+{
+    Tile tile;
+    tile.scene.vertices = vertices, tile.scene.paths = paths, tile.scene.shapes = shapes;
+    tile.scene.meshes = meshes, tile.scene.materials = materials;
+    tile.visits = visits, tile.visit_count = 0, tile.capacity = capacity;
+    tile.heads = heads, tile.tails = tails, tile.met = met;
+    tile.tests = tile.hits = 0;
+    bool done = true;
+    for (uint i = 0; i < count * WIDE; i++) heads[i] = -1, met[i] = 0u;
+    for (uint path = 0; path < count && done; path++) {
+        if (shapes[path].flags & SHAPE_CULLED) continue; // stage "bin" leaves it out
+        Gather g;
+        begin_pairs(&tile, path, places, &g);
+        if (one_by_one)
+            for (int i = 0; i < WIDE && done; i++)
+                done = solve_any(&tile, &g, g.samples[i], gathered_place(&g, i));
+        else
+            done = solve_gathered(&tile, &g);
+    }
+    result[0] = done;
+    result[1] = tile.visit_count;
+}
