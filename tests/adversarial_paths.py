@@ -192,13 +192,12 @@ def tangent(rng: np.random.Generator, count: int) -> Shape:
 def draw(rng: np.random.Generator, kind: str, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Paths of one of ``KINDS`` and their samples."""
     xy, w = tangent(rng, count) if kind == "tangent" else SHAPES[kind](rng, count)
-    # Whole places multiply a w of few bits without rounding, so that what rests on the sample does so exactly.
+    # Whole places times a w of few bits are not rounded: what rests on the sample does so exactly.
     whole = rng.random((count, 1)) < 0.7
     first = rng.uniform(0, 1024, (count, 2)).astype(np.float32).astype(np.float64)
     first = np.where(whole, np.rint(first), first)
     w = np.where(whole[..., None] & (np.abs(w) > 1e-3), np.rint(w * 2.0**24) / 2.0**24, w)
     offsets = offsets_of(rng, xy, w)
-    # Keep samples on a grid of float32, and edges where they are relative to them.
     samples = (first[:, None] + offsets).astype(np.float32).astype(np.float64)
     shifted = np.concatenate([xy * w[..., None], w[..., None]], axis=-1)
     shifted[..., :2] += first[:, None, None] * w[..., None]

@@ -56,7 +56,7 @@ def kernel_cover(
     share = SHARE // SAMPLES
     for begin in range(0, len(points), share):
         pair, t = _solved(points[begin : begin + share], samples[begin : begin + share],
-                          one_by_one, flags)  # fmt: skip
+                          scalar, flags)  # fmt: skip
         parts.append((pair + begin * SAMPLES, t))
     return Cover.sorted(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 

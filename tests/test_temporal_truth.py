@@ -114,8 +114,8 @@ def test_interval_ends_are_the_true_ones(kind, one_by_one):
     case = with_fractions(case, found)
     errors = errors_of(case, found)
     worst = errors.near.max(initial=0)
-    print(f"\n{kind}: {len(case.truth.t)} intervals of {case.samples.size // 2} pairs; "
-          f"{len(errors.pair)} stretches above 1e-6, at most {worst:.1e} px from an edge")  # fmt: skip
+    print(f"\n{kind}: {len(case.truth.t)} intervals of {case.samples.size // 2} pairs; ", end="")
+    print(f"{len(errors.pair)} stretches above 1e-6, at most {worst:.1e} px from an edge")
     assert len(case.truth.t) > 4 * COUNT
     assert errors.most <= 1  # a path never covers a sample twice at one time
     bad = errors.failures()

@@ -13,6 +13,7 @@ typedef struct {
     uint index;
     global const Shape *shape;
     bool single_sided;
+    double segment, step;           // number of its motion segment; length of one in the shutter
     int block, row, column;         // first row of 16, row within them, next column
     int first[LANES], last[LANES];  // columns of each row
     int waiting;
@@ -39,6 +40,8 @@ static void begin_gather(const Tile *tile, uint path_index, Gather *g)
     g->index = path_index;
     g->path = tile->scene.paths[path_index];
     g->shape = tile->scene.shapes + path_index;
+    g->step = 1.0 / rint(1.0 / g->path.length);
+    g->segment = rint(g->path.open / g->step);
     g->single_sided = false;
 #ifdef SINGLE_SIDED
     uint material = tile->scene.meshes[g->path.mesh].material;

@@ -17,6 +17,9 @@ static void resolve(const Tile *tile, Frame frame, global const float *backgroun
             float4 sum = tile->color[pixel];
             depth[out] = sum.w > 0.0f ? tile->depth[pixel] / sum.w : INFINITY;
             sum *= 1.0f / SAMPLES;
+#ifndef WEIGHTED
+            sum.w = fmin(sum.w, 1.0f); // thousands of spans add up to 1, but for rounding
+#endif
 #ifndef TRANSPARENT
 #ifdef BACKGROUND_IMAGE
             float3 behind = vload3(out, background);

@@ -10,11 +10,12 @@
 #include "analytic/shutter.h"
 #include "shared/bernstein.h"
 
-// Append when the path covers the sample: [low, high) of its motion segment.
+// Append when the path covers the sample: [low, high) of its motion segment. A segment ends at the
+// bits at which the next one begins.
 static bool append_visit(Tile *tile, const Gather *g, int sample, double low, double high)
 {
-    Visit visit = {(float)(g->path.open + g->path.length * low),
-                   (float)(g->path.open + g->path.length * high), g->index, -1};
+    Visit visit = {(float)((g->segment + low) * g->step), (float)((g->segment + high) * g->step),
+                   g->index, -1};
 #ifdef ROLLING
     float2 window = window_of(tile, sample);
     visit.t0 = fmax(visit.t0, window.x), visit.t1 = fmin(visit.t1, window.y);
