@@ -49,7 +49,7 @@ class Cover:
 
 
 def kernel_cover(
-    points: np.ndarray, samples: np.ndarray, one_by_one: bool, flags: int = 0
+    points: np.ndarray, samples: np.ndarray, scalar: bool, flags: int = 0
 ) -> Cover:
     """Stage "solve" on the pairs: in vectors where it can, or one by one."""
     parts = []
@@ -62,7 +62,7 @@ def kernel_cover(
 
 
 def _solved(
-    points: np.ndarray, samples: np.ndarray, one_by_one: bool, flags: int
+    points: np.ndarray, samples: np.ndarray, scalar: bool, flags: int
 ) -> tuple[np.ndarray, np.ndarray]:
     from kernels import one_material
 
@@ -70,7 +70,7 @@ def _solved(
     shapes, count, capacity = shapes_of(vertices, paths, flags), len(points), 10 * samples.size // 2
     arrays = [
         vertices, paths, shapes, *one_material(flags), np.uint32(count),
-        np.ascontiguousarray(samples, np.float32), np.uint32(one_by_one), np.uint32(capacity),
+        np.ascontiguousarray(samples, np.float32), np.uint32(scalar), np.uint32(capacity),
         np.zeros(capacity, records.VISIT), np.zeros(samples.size // 2, np.int32),
         np.zeros(samples.size // 2, np.int32), np.zeros(samples.size // 2, np.uint32),
         np.zeros(2, np.uint32),
