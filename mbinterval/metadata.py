@@ -14,6 +14,7 @@ from mbinterval import __version__
 from mbinterval.exr import AttributeValue
 from mbinterval.scene.exposure import CameraPoses, Exposure
 from mbinterval.scene.model import Scene
+from mbinterval.scene.tracks import Track
 from mbinterval.settings import Settings
 
 _SPEED_ONLY = ("tile_size",)
@@ -27,7 +28,9 @@ def frame_metadata(
     ``frame``; ``fps``; ``shutterOpen`` and ``shutterClose`` in frames relative to the frame;
     ``expTime`` in seconds; ``worldToCamera`` at the shutter's opening (and
     ``worldToCameraClose`` where the camera moves), for row vectors as EXR has them;
-    ``fieldOfView``, vertical, in degrees; ``settings.*``; ``software``.
+    ``fieldOfView``, vertical, in degrees; ``shutterCurve``, ``shutterRolling`` and ``lineOffset``
+    where they are asked for, of a rolling shutter ``expTime`` is a line's; ``aperture``, the
+    f-number, and ``focus`` of a lens; ``settings.*``; ``software``.
     """
     shutter, poses = scene.shutter, exposure.cameras[1]
     metadata: dict[str, AttributeValue] = {
@@ -40,6 +43,19 @@ def frame_metadata(
         "fieldOfView": float(np.degrees(2.0 * np.arctan(0.5 / poses.focal[0]))),
         "worldToCamera": _world_to_camera(poses, 0),
     }
+    if shutter.curve != "box":
+        metadata["shutterCurve"] = (
+            shutter.curve if isinstance(shutter.curve, str) else tuple(shutter.curve)
+        )
+    if shutter.rolling is not None:
+        metadata["shutterRolling"] = shutter.rolling
+        metadata["lineOffset"] = float(shutter.line_offset or 0.0)
+        metadata["expTime"] = float(shutter.line_exposure or 0.0)
+    f_stop = exposure.camera.f_stop
+    if f_stop is not None:
+        keyed = f_stop.at(exposure.frame) if isinstance(f_stop, Track) else f_stop
+        metadata["aperture"] = float(keyed)
+        metadata["focus"] = float(poses.focus[0])
     if poses.moves:
         metadata["worldToCameraClose"] = _world_to_camera(poses, len(poses.eye) - 1)
     if scene.name:

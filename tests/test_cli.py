@@ -86,12 +86,13 @@ def test_several_frames_and_outputs_are_written_in_one_go(api, tmp_path):
 
 
 def test_the_command_line_overrules_the_scene_file(api):
-    api.loaded.settings = {"samples": 8, "seed": 3, "max_intervals": 90, "transparent": True}
+    given = {"samples": 8, "seed": 3, "max_intervals": 90, "paths": "triangulated"}
+    api.loaded.settings = given
     api.loaded.render = RenderDefaults(320, 240, frames="7-9", output="x.#.exr")
     assert cli.main(["render", "s.toml"]) == 0
     assert [call["frame"] for call in api.calls] == [7, 8, 9]
     first = api.calls[0]
-    stored = Settings(samples=8, seed=3, max_intervals=90, transparent=True)
+    stored = Settings(**given)
     assert (first["width"], first["height"], first["settings"]) == (320, 240, stored)
 
     options = "--samples 2 --max-intervals none --no-transparent --width 640 --frames 2 -o y.exr"

@@ -28,7 +28,8 @@ def metadata(camera=MOVING, settings=None, **fields):
 
 
 def test_it_names_frame_shutter_camera_settings_and_version():
-    found = metadata(settings=Settings(samples=7, max_intervals=90, transparent=True), name="wheel")
+    settings = Settings(samples=7, paths="triangulated", max_intervals=90, transparent=True)
+    found = metadata(settings=settings, name="wheel")
     assert found["software"] == f"mbinterval {mbinterval.__version__}"
     assert (found["frame"], found["fps"]) == (1.0, 25.0)
     assert (found["shutterOpen"], found["shutterClose"]) == (0.0, 0.5)
@@ -57,7 +58,9 @@ def test_the_matrices_take_world_points_to_the_camera_at_open_and_close():
 def test_what_cannot_change_the_image_is_left_out():
     assert metadata(settings=Settings(tile_size=8)) == metadata(settings=Settings(tile_size=32))
     for setting in dataclasses.fields(Settings):
-        given = metadata(settings=Settings(max_intervals=1, motion_segments=1))
+        given = metadata(
+            settings=Settings(paths="triangulated", max_intervals=1, motion_segments=1)
+        )
         assert (f"settings.{setting.name}" in given) == (setting.name != "tile_size")
 
 
@@ -73,3 +76,15 @@ def test_a_file_takes_all_of_it_with_the_types_of_the_standard(tmp_path):
     assert back["frame"] == 1.0
     assert back["settings.paths"] == found["settings.paths"] == "exact"
     assert back["settings.transparent"] == found["settings.transparent"] == 0
+
+
+def test_it_says_what_else_the_shutter_and_the_lens_do():
+    plain = metadata()
+    assert not {"shutterCurve", "shutterRolling", "lineOffset", "aperture", "focus"} & plain.keys()
+    shutter = Shutter(curve="triangle", rolling="up", line_offset=1e-5, line_exposure=0.01)
+    camera = Camera(position=(0, 0, 5), look_at=(0, 0, 0), f_stop=2.8, focus_distance=5.0)
+    scene = Scene(meshes=(), camera=camera, shutter=shutter)
+    found = frame_metadata(scene, expose(scene, 1.0, 4 / 3, lines=600), Settings())
+    assert (found["shutterCurve"], found["shutterRolling"]) == ("triangle", "up")
+    assert (found["lineOffset"], found["expTime"]) == (1e-5, 0.01)
+    assert (found["aperture"], found["focus"]) == (2.8, 5.0)
