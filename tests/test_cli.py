@@ -99,7 +99,7 @@ def test_the_command_line_overrules_the_scene_file(api):
     assert cli.main(["render", "s.toml", *options.split()]) == 0
     last = api.calls[-1]
     assert (last["width"], last["height"], last["frame"]) == (640, 480, 2)
-    assert last["settings"] == Settings(samples=2, seed=3)
+    assert last["settings"] == Settings(samples=2, seed=3, paths="triangulated")
 
 
 def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsys):

@@ -1,0 +1,129 @@
+"""Small scenes that run every stage and effect of the kernels; ``python oclgrind_scenes.py NAME``.
+
+Renders one of ``SCENES`` on the first device, or lists their names. ``test_oclgrind`` runs it in an
+environment whose only device is Oclgrind's.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import mbinterval as mb
+from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
+from mbinterval.scene.tracks import Track
+
+SIZE = (13, 9)
+LENS = {"focal_length": 50.0, "vertical_aperture": 50.0, "f_stop": 0.5, "focus_distance": 2.0}
+
+
+def triangles(count: int, moving: bool = True, near: float = 1.0, **fields: object) -> Mesh:
+    rng = np.random.default_rng(count)
+    w = rng.uniform(near, 4.0, (2, count, 3))
+    xy = rng.uniform(-0.8, 0.8, (2, count, 1, 2)) + rng.normal(0, 0.3, (1, count, 3, 2))
+    ends = np.concatenate([xy * w[..., None], -w[..., None]], axis=-1).reshape(2, -1, 3)
+    if "material" not in fields:
+        fields["shading"] = "unlit"
+    return Mesh(
+        positions=ends if moving else ends[0], faces=np.arange(3 * count).reshape(-1, 3), **fields
+    )
+
+
+def colorful() -> list[Mesh]:
+    """Textures, vertex and face colours, Phong, one side and two, moving and at rest."""
+    rng = np.random.default_rng(1)
+    picture = Texture(rng.uniform(0, 1, (4, 4, 3)))
+    poster = Material("poster", texture=picture, shading="unlit")
+    glossy = Material("glossy", specular=(0.5, 0.5, 0.5), shininess=8.0, double_sided=False)
+    return [
+        triangles(3, material=poster, uv=rng.uniform(0, 2, (9, 2))),
+        triangles(4, material=glossy, normals=rng.normal(size=(2, 12, 3))),
+        triangles(2, color=rng.uniform(0, 1, (6, 3)), color_domain="vertex"),
+        triangles(3, moving=False, color=rng.uniform(0, 1, (3, 3)), color_domain="face"),
+    ]
+
+
+def crowd() -> list[Mesh]:
+    """One pixel with more intervals than small pools hold, in front of each other."""
+    return [triangles(60)]
+
+
+@dataclass(frozen=True)
+class Small:
+    meshes: Callable[[], list[Mesh]]
+    settings: dict[str, object] = field(default_factory=dict)
+    camera: Camera = field(default_factory=lambda: Camera(focal_length=24.0))
+    scene: dict[str, object] = field(default_factory=dict)
+    capacity: int | None = None
+
+
+ROLL = Shutter(rolling="left", line_offset=0.01, line_exposure=0.2, curve="triangle")
+SCENES = {
+    "exact": Small(colorful, {"samples": 2}),
+    "exact, crowded": Small(crowd, {"samples": 1}, capacity=24),
+    "exact, behind the eye": Small(lambda: [triangles(8, near=-1.0)], {"samples": 1}),
+    "exact, segments": Small(
+        colorful, {"samples": 1, "motion_segments": 3},
+        Camera(position=Track([0.75, 1.25], [[0.0, 0, 0], [0.2, 0.1, 0]]), focal_length=24.0),
+    ),
+    "mask": Small(colorful, {"samples": 2, "occlusion": 64, "partial_bits": True}),
+    "lens": Small(colorful, {"samples": 3}, Camera(**LENS)),
+    "lens, scattered": Small(
+        colorful, {"samples": 4, "pattern": "sobol", "filter": "mitchell"},
+        Camera(**LENS, blades=5, sharp_range=(1.8, 2.5), foreground_blur=0.05),
+    ),
+    "lens, behind the eye": Small(
+        lambda: [triangles(8, near=-1.0)], {"samples": 1}, Camera(**LENS)
+    ),
+    "shutter": Small(colorful, {"samples": 1}, scene={"shutter": Shutter(curve=(1.0, 0.0, 2.0))}),
+    "rolling": Small(colorful, {"samples": 2}, scene={"shutter": ROLL}),
+    "static": Small(lambda: [triangles(6, moving=False)], {"samples": 2}),
+    "empty": Small(list, {"samples": 1}),
+    "transparent": Small(colorful, {"samples": 1, "transparent": True, "tile_size": 8}),
+    "triangulated": Small(colorful, {"samples": 2, "paths": "triangulated", "occlusion": 32}),
+    "triangulated, exact occlusion": Small(
+        colorful, {"samples": 1, "paths": "triangulated", "occlusion": "exact"}
+    ),
+    "triangulated, by depth": Small(
+        lambda: [triangles(8, near=-1.0)],
+        {"samples": 1, "paths": "triangulated", "pairing": "depth", "occlusion": 32,
+         "max_intervals": 3},
+    ),
+    "triangulated, crowded": Small(
+        crowd, {"samples": 1, "paths": "triangulated", "occlusion": 32}, capacity=48
+    ),
+}  # fmt: skip
+
+
+def render(name: str) -> np.ndarray:
+    """The film's pixels ``(9, 13, 4)`` of one of ``SCENES``."""
+    from mbinterval.analytic import render_analytic
+    from mbinterval.device.runtime import runtime
+    from mbinterval.motion import lay_out
+    from mbinterval.plan import make_plan, roll_lines
+    from mbinterval.scene.exposure import expose
+
+    small = SCENES[name]
+    lights = (Light("ambient", intensity=0.3), Light("point", intensity=2.0),
+              Light("directional", direction=(0.0, -1.0, -1.0)))  # fmt: skip
+    options = {"lights": lights, "background": (0.1, 0.2, 0.3)} | small.scene
+    scene = Scene(meshes=small.meshes(), camera=small.camera, **options)
+    settings = mb.Settings(**{"tile_size": 16, "texture_samples": 2} | small.settings)
+    lines = roll_lines(scene, *SIZE)
+    exposure = expose(scene, 1.0, SIZE[0] / SIZE[1], settings.motion_segments, lines)
+    motion = lay_out(exposure, *SIZE)
+    sizes = {} if small.capacity is None else {"capacity": small.capacity}
+    plan = make_plan(exposure, motion, settings, *SIZE, (0, 0, *SIZE), **sizes)
+    return render_analytic(runtime(), exposure, motion, plan).rgba
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 1:
+        print("\n".join(SCENES))
+    for chosen in sys.argv[1:]:
+        film = render(chosen)
+        assert np.isfinite(film).all(), chosen
+        print(f"{chosen}: {film.tobytes().hex()}")
