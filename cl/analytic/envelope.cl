@@ -79,9 +79,10 @@ static void merge_envelopes(const Tile *tile, Place place, global const Front *a
     for (; k < b_count; k++) append_front(w, b[k], fmax(b[k].t0, from), b[k].t1);
 }
 
-// Rank of each key among `count`, ties by place, counted for 16 at a time.
-static void rank_keys(global const float *keys, int count, global int *ranks)
+// Rank of each key among `count`, ties by place, counted for 16 at a time: the last ones are filled up.
+static void rank_keys(global float *keys, int count, global int *ranks)
 {
+    for (int k = count; k % LANES != 0; k++) keys[k] = INFINITY;
     for (int first = 0; first < count; first += LANES) {
         Lanes key = vload16(0, keys + first);
         LaneMask place = first + convert_int16(LANE_INDEX), rank = 0;

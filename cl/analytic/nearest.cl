@@ -46,9 +46,9 @@ static void nearest_of_gathered(Tile *tile, const Gather *g)
     for (int i = 0; i < g->waiting; i++) {
         int sample = g->samples[i];
         double here = is_zero[i] ? static_depth_at(g, gathered_place(g, i)) : depth[i];
-        bool first = here == tile->static_depth[sample]
+        bool first = here < INFINITY && here == tile->static_depth[sample]
                      && g->index < tile->static_part[sample] >> PART_BITS;
-        if (!(here < tile->static_depth[sample]) && !(first && here < INFINITY)) continue;
+        if (!(here < tile->static_depth[sample]) && !first) continue;
         tile->static_depth[sample] = here;
         tile->static_part[sample] = g->index << PART_BITS;
     }

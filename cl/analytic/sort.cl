@@ -39,6 +39,7 @@ static inline float depth_at(Interval i, float t)
 static void rank_segments(Ranked r, global const Interval *list, int count)
 {
     for (int i = 0; i < count; i++) r.w0[i] = least_depth(list[i]);
+    for (int i = count; i % LANES != 0; i++) r.w0[i] = INFINITY; // fill up the last sixteen
     for (int first = 0; first < count; first += LANES) {
         Lanes key = vload16(0, r.w0 + first);
         LaneMask place = first + convert_int16(LANE_INDEX), rank = 0;

@@ -30,8 +30,8 @@ static bool walk_rows(const Tile *tile, global const Shape *shape, int first_row
     // Both lie in [-1, TILE] where the row is not empty; a column is inside if left <= x <= right.
     int16 low = convert_int16(ceil(lanes_min(left, (Lanes)(2.0f * TILE))));
     int16 high = convert_int16(floor(lanes_max(right, (Lanes)(-2.0f))));
-    low = max(low, tile->x_low);
-    high = min(high, tile->x_high - 1);
+    low = max(low, (int16)(tile->x_low)); // Oclgrind knows no mixed forms
+    high = min(high, (int16)(tile->x_high - 1));
     vstore16(low, 0, first);
     vstore16(high, 0, last);
     bool any_row = false;
