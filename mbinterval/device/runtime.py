@@ -97,7 +97,10 @@ class Runtime:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                cl.Program(self.context, _PROBE).build(options=["-cl-std=CL1.2"])
+                program = cl.Program(self.context, _PROBE).build(options=["-cl-std=CL1.2"])
+                cl.Kernel(program, "probe")
+        except cl.LogicError:
+            return False  # Oclgrind compiles it, but knows no such instruction
         except cl.RuntimeError as error:
             if "__builtin_readcyclecounter" in str(error):
                 return False
