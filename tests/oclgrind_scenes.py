@@ -1,14 +1,17 @@
 """Small scenes that run every stage and effect of the kernels; ``python oclgrind_scenes.py NAME``.
 
-Renders one of ``SCENES`` on the first device, or lists their names. ``test_oclgrind`` runs it in an
-environment whose only device is Oclgrind's.
+Renders some of ``SCENES`` on the first device and writes what it sees as ``NAME.npy`` into the
+folder ``OCLGRIND_FILMS``. ``test_oclgrind`` runs it in an environment whose only device is
+Oclgrind's.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -63,7 +66,8 @@ class Small:
 ROLL = Shutter(rolling="left", line_offset=0.01, line_exposure=0.2, curve="triangle")
 SCENES = {
     "exact": Small(colorful, {"samples": 2}),
-    "exact, crowded": Small(crowd, {"samples": 1}, capacity=24),
+    "exact, crowded": Small(crowd, {"samples": 1}, capacity=400),
+    "exact, pools grow": Small(crowd, {"samples": 1}, capacity=24),
     "exact, behind the eye": Small(lambda: [triangles(8, near=-1.0)], {"samples": 1}),
     "exact, segments": Small(
         colorful, {"samples": 1, "motion_segments": 3},
@@ -93,20 +97,20 @@ SCENES = {
          "max_intervals": 3},
     ),
     "triangulated, crowded": Small(
+        crowd, {"samples": 1, "paths": "triangulated", "occlusion": 32}, capacity=800
+    ),
+    "triangulated, pools grow": Small(
         crowd, {"samples": 1, "paths": "triangulated", "occlusion": 32}, capacity=48
     ),
 }  # fmt: skip
 
 
-def render(name: str) -> np.ndarray:
-    """The film's pixels ``(9, 13, 4)`` of one of ``SCENES``."""
-    from mbinterval.analytic import render_analytic
-    from mbinterval.device.runtime import runtime
+def plan_of(small: Small) -> tuple[object, object, object]:
+    """Exposure, motion and plan of a scene."""
     from mbinterval.motion import lay_out
     from mbinterval.plan import make_plan, roll_lines
     from mbinterval.scene.exposure import expose
 
-    small = SCENES[name]
     lights = (Light("ambient", intensity=0.3), Light("point", intensity=2.0),
               Light("directional", direction=(0.0, -1.0, -1.0)))  # fmt: skip
     options = {"lights": lights, "background": (0.1, 0.2, 0.3)} | small.scene
@@ -116,14 +120,39 @@ def render(name: str) -> np.ndarray:
     exposure = expose(scene, 1.0, SIZE[0] / SIZE[1], settings.motion_segments, lines)
     motion = lay_out(exposure, *SIZE)
     sizes = {} if small.capacity is None else {"capacity": small.capacity}
-    plan = make_plan(exposure, motion, settings, *SIZE, (0, 0, *SIZE), **sizes)
-    return render_analytic(runtime(), exposure, motion, plan).rgba
+    return exposure, motion, make_plan(exposure, motion, settings, *SIZE, (0, 0, *SIZE), **sizes)
+
+
+def render(name: str) -> np.ndarray:
+    """The film's pixels ``(9, 13, 4)`` of one of ``SCENES``."""
+    from mbinterval.analytic import render_analytic
+    from mbinterval.device.runtime import runtime
+
+    return render_analytic(runtime(), *plan_of(SCENES[name])).rgba
+
+
+def suit_oclgrind() -> None:
+    """Work around what Oclgrind 19.10 with newer clang can't do.
+
+    It has no ``llvm.experimental.noalias.scope.decl``, which optimized code contains, and takes
+    buffers that ``clEnqueueFillBuffer`` filled for uninitialized.
+    """
+    import pyopencl as cl
+
+    from mbinterval.device.runtime import Runtime
+
+    plain = cl.Program.build
+    cl.Program.build = lambda self, options=(), **more: plain(
+        self, options=[*options, "-cl-opt-disable"], **more
+    )
+
+    def fill(self: Runtime, buffer: object, nbytes: int, value: int = 0) -> None:
+        cl.enqueue_copy(self.queue, buffer, np.full(nbytes // 4, value, np.int32))
+
+    Runtime.fill = fill
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 1:
-        print("\n".join(SCENES))
+    suit_oclgrind()
     for chosen in sys.argv[1:]:
-        film = render(chosen)
-        assert np.isfinite(film).all(), chosen
-        print(f"{chosen}: {film.tobytes().hex()}")
+        np.save(Path(os.environ["OCLGRIND_FILMS"]) / f"{chosen}.npy", render(chosen))

@@ -1,0 +1,132 @@
+"""Every kernel under Oclgrind: no access outside of buffers, no races, nothing read unwritten.
+
+Oclgrind simulates an OpenCL device and checks each access. Its exit code says nothing, so its log
+must be empty. It lives in an environment of its own, where it is the only device: the Python
+that ``MB_OCLGRIND`` names, or a fresh environment, made here with pip (half a minute).
+
+Oclgrind takes by-value arguments of a kernel's second launch in a process for uninitialized. So
+each scene has its own process, and scenes whose tiles are done again with larger pools are
+checked for all but uninitialized reads.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import oclgrind_scenes
+import pytest
+from oclgrind_scenes import SCENES
+
+pytestmark = pytest.mark.oclgrind
+HERE = Path(__file__).resolve().parent
+
+BROKEN = """
+import sys
+import numpy as np
+import pyopencl as cl
+source = '''
+kernel void outside(global int *a) { a[4] = 1; }
+kernel void unwritten(global int *a) { int b[2]; b[a[0] & 1] = 1; a[1] = b[(a[0] & 1) ^ 1]; }
+kernel void race(global int *a) { a[0] = (int)get_global_id(0); }
+'''
+context = cl.create_some_context(interactive=False)
+queue = cl.CommandQueue(context)
+program = cl.Program(context, source).build(options=["-cl-opt-disable"])
+buffer = cl.Buffer(context, cl.mem_flags.COPY_HOST_PTR, hostbuf=np.zeros(4, np.int32))
+cl.Kernel(program, sys.argv[1])(queue, (2,), (1,), buffer)
+queue.finish()
+"""
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A Python whose pyopencl has Oclgrind as its only device."""
+    given = os.environ.get("MB_OCLGRIND")
+    if given:
+        return given
+    folder = tmp_path_factory.mktemp("oclgrind") / "env"
+    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+    made = folder / "bin" / "python"
+    packages = ["pyopencl[oclgrind]", "numpy"]
+    subprocess.run(
+        [str(made), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages],
+        check=True,
+    )
+    return str(made)
+
+
+def checked(python: str, folder: Path, *command: str, reads: bool = True) -> tuple[str, str]:
+    """Oclgrind's log, and what the program said, of ``python command`` under all its checks."""
+    log = folder / f"{command[-1].replace(' ', '-')}.log"
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("OCLGRIND", "OCL_ICD", "PYOPENCL", "MBINTERVAL"))
+    } | {
+        "OCLGRIND_DATA_RACES": "1",
+        "OCLGRIND_LOG": str(log),
+        "OCLGRIND_FILMS": str(folder),
+        "PYOPENCL_NO_CACHE": "1",
+        "PYTHONPATH": os.pathsep.join([str(HERE.parent), str(HERE)]),
+    }
+    if reads:
+        environment["OCLGRIND_UNINITIALIZED"] = "1"
+    done = subprocess.run(
+        [python, *command], env=environment, capture_output=True, text=True, timeout=300,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert log.exists(), "Oclgrind did not run"
+    return log.read_text(), done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def logs(python: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Log of every scene, and its film in ``logs["folder"]``."""
+    folder = tmp_path_factory.mktemp("logs")
+
+    def run(name: str) -> str:
+        reads = "grow" not in name
+        return checked(python, folder, str(HERE / "oclgrind_scenes.py"), name, reads=reads)[0]
+
+    with ThreadPoolExecutor(2) as pool:
+        found = dict(zip(SCENES, pool.map(run, SCENES), strict=True))
+    return found | {"folder": str(folder)}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_kernels_run_clean(name, logs):
+    assert logs[name] == ""
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_another_device_gives_the_same_film(name, logs):
+    other = np.load(Path(logs["folder"]) / f"{name}.npy")
+    ours = oclgrind_scenes.render(name)
+    assert np.isfinite(ours).all()
+    # Without fused functions on the way, but with other sines, logarithms and powers.
+    assert np.abs(other - ours).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("kernel", "words"),
+    [("outside", "Invalid write"), ("unwritten", "Uninitialized"), ("race", "race")],
+)
+def test_what_is_wrong_is_reported(kernel, words, python, tmp_path):
+    (tmp_path / "broken.py").write_text(BROKEN)
+    log, _ = checked(python, tmp_path, str(tmp_path / "broken.py"), kernel)
+    assert words in log
+
+
+def test_the_scenes_run_every_stage():
+    from mbinterval.analytic import TILE_STAGES
+
+    seen = set()
+    for small in SCENES.values():
+        seen |= set(oclgrind_scenes.plan_of(small)[2].stages)
+    assert seen == {"paths", "bin", *TILE_STAGES}
