@@ -13,20 +13,32 @@ typedef struct {
     float open, length;
 } DepthCurve;
 
+static void depth_from_edges(const Tile *tile, uint path_index, Place place, DepthCurve *curve)
+{
+    MovingTriangle triangle;
+    load_moving(tile->scene.vertices, tile->scene.paths[path_index],
+                tile->scene.shapes[path_index].flags, &triangle);
+    depth_of_edges(&triangle, place, curve->d, curve->e);
+}
+
+// Part of its terms below which a sum has lost too many digits: a needle, or seen edge-on.
+#define CANCELLED 1e-6
+
 static DepthCurve depth_curve(const Tile *tile, uint path_index, Place place)
 {
     DepthCurve curve;
 #ifdef LENS
-    MovingTriangle triangle;
-    load_moving(tile->scene.vertices, tile->scene.paths[path_index],
-                tile->scene.shapes[path_index].flags, &triangle);
-    depth_of_edges(&triangle, place, curve.d, curve.e);
+    depth_from_edges(tile, path_index, place, &curve);
 #else
     global const Depth *depth = tile->scene.depths + path_index;
-    double x = place.x, y = place.y;
+    double x = place.x, y = place.y, most = 0.0, terms = 0.0;
     for (int i = 0; i < 4; i++) curve.d[i] = depth->d[i];
-    for (int i = 0; i < 3; i++)
-        curve.e[i] = fma(x, depth->x[i], fma(y, depth->y[i], depth->w[i]));
+    for (int i = 0; i < 3; i++) {
+        double along_x = x * depth->x[i], along_y = y * depth->y[i];
+        curve.e[i] = along_x + along_y + depth->w[i];
+        most += fabs(curve.e[i]), terms += fabs(along_x) + fabs(along_y) + fabs(depth->w[i]);
+    }
+    if (most < CANCELLED * terms) depth_from_edges(tile, path_index, place, &curve);
 #endif
     curve.open = tile->scene.paths[path_index].open;
     curve.length = tile->scene.paths[path_index].length;

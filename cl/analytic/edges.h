@@ -108,9 +108,8 @@ static void perturbed_edge_function(const MovingTriangle *m, int i, Place place,
         edge_derivative(m, i, place, along_x, b);
 }
 
-#ifdef LENS
-// Determinant of the three vertices over time as seen through a point of the lens, the sum of the
-// edge functions times w, and the sum of the edge functions.
+// Determinant of the three vertices over time, as seen through the sample's point of the lens: the sum
+// of the edge functions times w; and the sum of the edge functions.
 static void depth_of_edges(const MovingTriangle *m, Place place, double *d, double *e)
 {
     for (int k = 0; k < 4; k++) d[k] = 0.0;
@@ -125,6 +124,5 @@ static void depth_of_edges(const MovingTriangle *m, Place place, double *d, doub
         d[3] += b[2] * w1;
     }
 }
-#endif
 
 #endif

@@ -17,7 +17,9 @@ static inline uint span_path(const Tile *tile, Span span) { return span.source; 
 static inline float span_depth(const Tile *tile, Span span, Place place, float t)
 {
     DepthCurve curve = depth_curve(tile, span.source, place);
-    return (float)curve_depth(&curve, t);
+    global const Shape *shape = tile->scene.shapes + span.source;
+    // At the moment at which a triangle is seen edge-on any depth between its vertices' is right.
+    return fmin(fmax((float)curve_depth(&curve, t), shape->near), shape->far);
 }
 
 static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)

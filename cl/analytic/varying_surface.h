@@ -20,7 +20,9 @@ static inline uint span_path(const Tile *tile, Span span)
 static inline float span_depth(const Tile *tile, Span span, Place place, float t)
 {
     Interval i = tile->sorted[span.source];
-    return i.w0 + (i.w1 - i.w0) * ((t - i.t0) / (i.t1 - i.t0));
+    global const Shape *shape = tile->scene.shapes + span_path(tile, span);
+    float depth = i.w0 + (i.w1 - i.w0) * ((t - i.t0) / (i.t1 - i.t0));
+    return fmin(fmax(depth, shape->near), shape->far); // huge needles have depths of infinity
 }
 
 // Weights of the path's six corners where face `face` of its surface meets the sample; returns the
