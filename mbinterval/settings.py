@@ -54,7 +54,9 @@ class Settings:
     filter, filter_radius
         Pixel filter, ``"box"``, ``"triangle"``, ``"gaussian"`` (radius three standard
         deviations), ``"blackman_harris"`` or ``"mitchell"``, and its radius in pixels; None is
-        0.5, 1, 1.5, 1.5 or 2.
+        0.5, 1, 1.5, 1.5 or 2. Mitchell's has negative lobes: near edges alpha and colour ring
+        beyond 0 and 1 (by 0.2 where few samples fall into the lobes), and depth, an average with
+        the same weights, may lie outside of what is seen.
     texture_samples
         Shading evaluations along each visible span, 1 to 1024 (Hong & Oh 2017, 4.4).
     motion_segments
