@@ -69,7 +69,7 @@ def render(arguments: argparse.Namespace) -> None:
 
 def info(arguments: argparse.Namespace) -> None:
     """``mbinterval info``: the plan of the first frame, with the reason for each effect."""
-    from mbinterval.plan import describe
+    from mbinterval.describe import describe
 
     job = make_job(arguments)
     print(describe(job.scene, job.frames[0], *job.resolution, job.settings, job.crop))

@@ -191,7 +191,8 @@ def _effects(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
     colored = [m.mesh.name for m in exposure.meshes if m.color is not None]
     painted = [m.mesh.name for m in exposure.meshes if m.face_color is not None]
     segments = sorted({mesh.segments for mesh in exposure.meshes if mesh.segments})
-    many = f", {' and '.join(map(str, segments))} motion segments" if segments else ""
+    plural = "" if segments == [1] else "s"
+    many = f", {' and '.join(map(str, segments))} motion segment{plural}" if segments else ""
     image = not isinstance(exposure.background, tuple)
     lens = any(np.any(poses.aperture > 0.0) for poses in exposure.cameras.values())
     scattered = settings.pattern == "sobol"
@@ -295,46 +296,6 @@ def _named(kind: str, names: list[str]) -> str:
         return f"no {kind} calls for it"
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     return f"{kind} {names[0]!r}{more}"
-
-
-def describe(
-    scene: Scene,
-    frame: float,
-    width: int,
-    height: int,
-    settings: Settings,
-    crop: Crop | None = None,
-) -> str:
-    """Describe the plan of ``frame`` in lines for people: effects, reasons, stages, sizes."""
-    from mbinterval.motion import lay_out
-    from mbinterval.scene.exposure import expose
-
-    rolled = roll_lines(scene, width, height)
-    exposure = expose(scene, frame, width / height, settings.motion_segments, rolled)
-    motion = lay_out(exposure, width, height)
-    plan = make_plan(exposure, motion, settings, width, height, crop or (0, 0, width, height))
-    lines = [f"frame {frame:g}, {width} x {height} pixels, {settings.samples} samples per pixel"]
-    lines += [f"note: {note}" for note in exposure.notes]
-    for effect in plan.effects:
-        lines.append(f"  {'on ' if effect.active else 'off'} {effect.name}: {effect.reason}")
-    lines += _mesh_lines(exposure)
-    lines.append(f"stages: {' '.join(plan.stages)}")
-    lines.append(f"kernel options: {' '.join(plan.options)}")
-    lines.append(
-        f"tiles of {plan.tile} x {plan.tile} pixels, {plan.layers} samples at a time, "
-        f"pools of {plan.capacity} records per work-item"
-    )
-    return "\n".join(lines)
-
-
-def _mesh_lines(exposure: Exposure) -> list[str]:
-    lines = [f"{len(exposure.meshes)} meshes"]
-    for mesh in exposure.meshes[:20]:
-        motion = f"{mesh.segments} motion segments" if mesh.segments else "static"
-        lines.append(f"  {mesh.mesh.name or '(unnamed)'}: {len(mesh.mesh.faces)} faces, {motion}")
-    if len(exposure.meshes) > 20:
-        lines.append(f"  and {len(exposure.meshes) - 20} more")
-    return lines
 
 
 def roll_lines(scene: Scene, width: int, height: int) -> int:

@@ -12,9 +12,10 @@ from closed_forms import UNIT_CAMERA, rectangle, world
 from kernels import plan_of
 
 import mbinterval as mb
+from mbinterval.describe import describe
 from mbinterval.device.runtime import runtime
 from mbinterval.errors import KernelBuildError, UsageError
-from mbinterval.plan import Plan, check_crop, describe
+from mbinterval.plan import Plan, check_crop
 from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
 from mbinterval.scene.tracks import Track
 
@@ -61,7 +62,7 @@ VERTEX_COLOR = {"color": np.eye(4, 3), "color_domain": "vertex", "name": "flag"}
 FACE_COLOR = {"color": np.eye(2, 3), "color_domain": "face", "name": "tiles"}
 
 CALLED_FOR = {
-    "motion": (mesh(), "2 motion paths, 1 motion segments"),
+    "motion": (mesh(), "2 motion paths, 1 motion segment"),
     "static geometry": (mesh(False), "2 triangles do not move"),
     "single-sided": (
         mesh(material=Material("leaf", shading="unlit", double_sided=False)), "material 'leaf'",
@@ -182,7 +183,7 @@ def test_the_description_lists_effects_with_reasons_and_stages():
         "frame 1, 32 x 16 pixels, 2 samples per pixel",
         "on  motion: 2 motion paths",
         "off texture: no material calls for it",
-        "slab: 2 faces, 1 motion segments",
+        "slab: 2 faces, 1 motion segment",
         "wall: 2 faces, static",
         "stages: paths bin nearest rasterize intervals sort occlude shade resolve",
     ):
