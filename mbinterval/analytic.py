@@ -118,7 +118,7 @@ def _upload(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) ->
         "background": background,
     }
     buffers: Buffers = {name: runtime.upload(array) for name, array in arrays.items()}
-    buffers["light_count"] = len(looks.lights)
+    buffers["light_count"], buffers["static_paths"] = len(looks.lights), motion.static_paths
     return buffers
 
 
@@ -278,7 +278,8 @@ def _run_queue(
     lights = buffers["light_count"]
     roll = exposure.roll
     rolling = (roll.start, roll.step, roll.length) if roll else (0.0, 0.0, 1.0)
-    grid = _packed("iiiiIIIfff", left, top, columns, rows, len(queue), capacity, lights, *rolling)
+    counts = len(queue), capacity, lights, buffers["static_paths"], plan.settings.seed
+    grid = _packed("iiiiIIIIIfff", left, top, columns, rows, *counts, *rolling)
     constant = isinstance(exposure.background, tuple)
     frame = _packed("iiiifff", *plan.crop, *(exposure.background if constant else (0, 0, 0)))
     kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)

@@ -94,7 +94,6 @@ def make_plan(
         "TILE": tile,
         "SAMPLES": settings.samples,
         "LAYERS": layers,
-        "STATIC_PATHS": f"{motion.static_paths}u",
     }
     if "MOVING" in active:
         if settings.occlusion != "exact":
@@ -147,8 +146,6 @@ def _sampling_sizes(
     """Macros with a value that the effects of sampling, lens and shutter ask for."""
     sizes: dict[str, int | str] = {}
     shape, camera = filter_of(settings), exposure.camera
-    if "PLACED" in active:
-        sizes["SEED"] = f"{settings.seed}u"
     if "SCATTERED" in active and shape is not None:
         sizes["FILTER_TABLE"] = len(shape.table) - 1
     if "WEIGHTED" in active and shape is not None:
@@ -295,7 +292,8 @@ def _named(kind: str, names: list[str]) -> str:
     if not names:
         return f"no {kind} calls for it"
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return f"{kind} {names[0]!r}{more}"
+    first = next((repr(name) for name in names if name), "without a name")
+    return f"{kind} {first}{more}"
 
 
 def roll_lines(scene: Scene, width: int, height: int) -> int:

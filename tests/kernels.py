@@ -19,7 +19,7 @@ from mbinterval.settings import Settings
 
 WRAPPERS = Path(__file__).resolve().parent / "wrappers"
 
-DEFAULTS = {"TILE": 16, "SAMPLES": 1, "LAYERS": 1, "MASK_BITS": 128, "STATIC_PATHS": "0u"}
+DEFAULTS = {"TILE": 16, "SAMPLES": 1, "LAYERS": 1, "MASK_BITS": 128}
 """What the plan defines for a scene with one sample per pixel and nothing at rest."""
 
 

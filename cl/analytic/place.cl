@@ -155,7 +155,7 @@ static void place(Tile *tile, int rows)
 {
     for (int pixel = 0; pixel < TILE * TILE; pixel++) {
         int x = tile->x + pixel % TILE, y = tile->y + pixel / TILE;
-        uint seed = mix_bits((uint)x ^ mix_bits((uint)y ^ mix_bits(SEED)));
+        uint seed = mix_bits((uint)x ^ mix_bits((uint)y ^ mix_bits(tile->scene.seed)));
 #ifdef WEIGHTED
         float lacking = 1.0f;
         for (uint l = 0; l < SAMPLES; l++)

@@ -131,7 +131,7 @@ static uint count_static(const Tile *tile)
     uint low = 0, high = tile->member_count;
     while (low < high) {
         uint middle = (low + high) / 2;
-        if (tile->members[middle] < STATIC_PATHS) low = middle + 1; else high = middle;
+        if (tile->members[middle] < tile->scene.static_paths) low = middle + 1; else high = middle;
     }
     return low;
 }
@@ -142,6 +142,7 @@ typedef struct {
     uint queued;       // tiles to render
     uint capacity;     // of each pool, per work-item
     uint light_count;
+    uint static_paths, seed;
     float roll_start, roll_step, roll_length;
 } TileGrid;
 
@@ -172,7 +173,8 @@ kernel void tile(
         .materials = materials, .face_colors = face_colors, .vertex_colors = vertex_colors,
         .uvs = uvs, .normals = normals, .textures = textures, .texels = texels, .lights = lights,
         .light_count = grid.light_count, .cameras = cameras, .slots = slots,
-        .filter = filter, .shutter = shutter, .roll_start = grid.roll_start,
+        .filter = filter, .shutter = shutter,
+        .static_paths = grid.static_paths, .seed = grid.seed, .roll_start = grid.roll_start,
         .roll_step = grid.roll_step, .roll_length = grid.roll_length
     };
     Tile tile = {

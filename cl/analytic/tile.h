@@ -2,15 +2,15 @@
 // that belongs to the work-item and is used again for the next tile.
 //
 // A tile's samples form rows: row r = layer * TILE + y, where a layer holds one spatial sample of
-// every pixel. All samples of a row have the same y on screen. A piece is a run of rows whose
-// lists fit into the pools.
+// every pixel. The samples of a row lie in one stripe of the pixels' height, or on a line. A piece is
+// a run of rows whose lists fit into the pools.
 //
 // The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
-// time), MASK_BITS, TEXTURE_SAMPLES, STATIC_PATHS (the first paths, which do not move), and a macro
-// for each effect that the scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG, POINT_LIGHTS,
-// TEXTURED, VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS,
-// MAX_INTERVALS, PLACED (samples lie differently in every pixel), SCATTERED (over the pixel), LENS,
-// BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS.
+// time), MASK_BITS, TEXTURE_SAMPLES, and a macro for each effect that the scene calls for: MOVING,
+// EXACT, STATIC, SINGLE_SIDED, PHONG, POINT_LIGHTS, TEXTURED, VERTEX_COLOR, FACE_COLOR,
+// BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie
+// differently in every pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED,
+// SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
@@ -44,6 +44,8 @@ typedef struct {
     global const Slot *slots;      // of the samples of a pixel
     global const float *filter;    // inverse of the filter's cumulative weight
     global const ShutterKey *shutter;
+    uint static_paths;             // the first paths, which do not move
+    uint seed;
     float roll_start, roll_step, roll_length; // of a rolling shutter's lines, in the shutter's time
 } Scene;
 
