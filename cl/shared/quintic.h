@@ -114,9 +114,11 @@ static int quintic_roots(const double *b, double *roots)
         top--;
         int changes = quintic_variations(here);
         if (changes == 0) continue;
-        if (changes == 1 || depth == QUINTIC_DEPTH) {
-            if (here[0] * here[QUINTIC - 1] < 0.0 && count < 5)
-                roots[count++] = at + whole * quintic_only_root(here);
+        // With a root at an end as well, parts that have none there come from halving.
+        bool differ = (here[0] < 0.0 && here[QUINTIC - 1] > 0.0)
+                      || (here[0] > 0.0 && here[QUINTIC - 1] < 0.0);
+        if ((changes == 1 && differ) || depth == QUINTIC_DEPTH) {
+            if (differ && count < 5) roots[count++] = at + whole * quintic_only_root(here);
             continue;
         }
         // Not at a root: neither part would see its sign change.
