@@ -15,6 +15,9 @@ typedef struct {
     float x_low, x_high, y_low, y_high; // where samples lie, relative to their pixels
 } Grid;
 
+// Pixels by which float32 may be wrong about a place at (x, y): of planes, bounds and samples.
+static inline float rounding_at(float x, float y) { return 4e-7f * (x + y); }
+
 // Columns of tiles in one row of tiles that the shape may touch.
 static int2 touched_columns(global const Shape *shape, Grid grid, int row)
 {
@@ -22,9 +25,10 @@ static int2 touched_columns(global const Shape *shape, Grid grid, int row)
     double bottom = grid.y + (row + 1) * grid.size - 1 + grid.y_high;
     double left = grid.x + grid.x_low;
     double right = grid.x + grid.columns * grid.size - 1 + grid.x_high;
+    double slack = rounding_at((float)right, (float)bottom);
     for (uint i = 0; i < shape->planes; i++) {
         double a = shape->a[i], b = shape->b[i];
-        double side = shape->c[i] + (b > 0.0 ? b * bottom : b * top);
+        double side = shape->c[i] + slack + (b > 0.0 ? b * bottom : b * top);
         if (a > 1e-5) left = fmax(left, -side / a);
         else if (a < -1e-5) right = fmin(right, -side / a);
         else if (side + fabs(a) * 1e5 < 0.0) return (int2)(0, -1);
@@ -44,9 +48,12 @@ static void bin_chunk(global const Shape *shapes, global const uint *order, Grid
     for (uint i = begin; i < end; i++) {
         global const Shape *shape = shapes + order[i];
         if (shape->flags & SHAPE_CULLED) continue;
-        float low = ceil((shape->y_min - grid.y_high - grid.y - grid.size + 1) / grid.size);
-        float high = floor((shape->y_max - grid.y_low - grid.y) / grid.size);
-        int first_row = (int)fmax(low, 0.0f), last_row = (int)fmin(high, grid.rows - 1.0f);
+        float slack = rounding_at(0.0f, (float)(grid.y + grid.rows * grid.size));
+        float low = ceil((shape->y_min - slack - grid.y_high - grid.y - grid.size + 1) / grid.size);
+        float high = floor((shape->y_max + slack - grid.y_low - grid.y) / grid.size);
+        // Bounds may be infinite: no integer before they are in range.
+        int first_row = (int)fmin(fmax(low, 0.0f), (float)grid.rows);
+        int last_row = (int)fmax(fmin(high, grid.rows - 1.0f), -1.0f);
         for (int row = first_row; row <= last_row; row++) {
             int2 touched = touched_columns(shape, grid, row);
             for (int column = touched.x; column <= touched.y; column++) {

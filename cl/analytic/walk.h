@@ -13,7 +13,10 @@ static bool walk_rows(const Tile *tile, global const Shape *shape, int first_row
     int layer = first_row / TILE, y = first_row % TILE;
     Slot slot = tile->scene.slots[tile->layer + layer];
     float top = (float)(tile->y + y);
-    if (shape->y_max < top + slot.y_low || shape->y_min > top + slot.y_high + (LANES - 1))
+    // Far from the corner of a large frame float32 is wrong by that much about planes and samples.
+    float slack = 4e-7f * (tile->x + tile->y + 2 * TILE);
+    if (shape->y_max + slack < top + slot.y_low
+        || shape->y_min - slack > top + slot.y_high + (LANES - 1))
         return false;
     // Of where the samples of a pixel may lie, the corner that a plane favours counts.
     double left_x = tile->x + slot.x_low, right_x = tile->x + slot.x_high;
@@ -22,7 +25,7 @@ static bool walk_rows(const Tile *tile, global const Shape *shape, int first_row
     for (uint i = 0; i < shape->planes; i++) {
         float a = shape->a[i], b = shape->b[i];
         double x = a > 0.0f ? right_x : left_x, y_at = b > 0.0f ? lower_y : upper_y;
-        Lanes side = (float)(shape->c[i] + a * x + b * y_at) + b * LANE_INDEX;
+        Lanes side = (float)(shape->c[i] + slack + a * x + b * y_at) + b * LANE_INDEX;
         if (a > 1e-5f) left = lanes_max(left, side * (-1.0f / a));
         else if (a < -1e-5f) right = lanes_min(right, side * (-1.0f / a));
         else right = side < -1e-2f ? (Lanes)(-1.0f) : right;
