@@ -168,6 +168,20 @@ static bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
     return p1.z < q1.z;
 }
 
+// Whether the path is smaller than 1e-11 of its place at all times, a hundred-millionth of a pixel: its edge
+// functions would be little but rounding, which might agree.
+static bool is_nothing(const double3 *q, const Depth *depth)
+{
+    double3 most = 0.0;
+    for (int i = 0; i < 6; i++) most = fmax(most, fabs(q[i]));
+    double3 least = 1e-22 * (double3)(most.y * most.z, most.x * most.z, most.x * most.y);
+    bool nothing = true;
+    for (int k = 0; k < 3; k++)
+        nothing &= fabs(depth->x[k]) <= least.x && fabs(depth->y[k]) <= least.y
+                   && fabs(depth->w[k]) <= least.z;
+    return nothing;
+}
+
 static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided, Shape *shape,
                           Depth *depth)
 {
@@ -195,6 +209,7 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     shape->scale = (float)exp2(-floor(log2(fmax(w_high, -w_low))));
     shape->planes = blur < INFINITY ? bounding_planes(q, blur, shape) : 0u;
     *depth = depth_over_time(q);
+    if (is_nothing(q, depth)) shape->flags |= SHAPE_CULLED;
     if (shape->flags & SHAPE_BEHIND) exact_facing(q, depth->d);
     facing_over_time(depth->d, shape);
 #ifndef LENS // through the points of a lens a path faces the eye at other times
