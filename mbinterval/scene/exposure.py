@@ -145,12 +145,14 @@ def expose(
     if not lights and any(m.material is None or m.material.shading != "unlit" for m in meshes):
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
+    exposed = tuple(
+        expose_mesh(mesh, _frames(window, frame, count), camera_moves)
+        for mesh, count in zip(meshes, wanted, strict=True)
+    )
+    _check_scale(exposed, cameras[0].eye[0])
     return Exposure(
         frame=frame,
-        meshes=tuple(
-            expose_mesh(mesh, _frames(window, frame, count), camera_moves)
-            for mesh, count in zip(meshes, wanted, strict=True)
-        ),
+        meshes=exposed,
         camera=camera,
         cameras=cameras,
         camera_moves=camera_moves,
@@ -160,6 +162,29 @@ def expose(
         roll=_roll(scene.shutter, scene.fps, lines),
         notes=tuple(notes),
     )
+
+
+SCALES = (1e-30, 1e30)
+"""Distances that can be rendered: their products must keep clear of the ends of float64."""
+
+
+def _check_scale(meshes: tuple[MeshExposure, ...], eye: Float64) -> None:
+    """Refuse vertices that are too far away, and scenes all of which is too near the eye."""
+    low, high = SCALES
+    size = 0.0
+    for mesh in meshes:
+        away = np.abs(mesh.positions - eye).max(axis=(0, 2), initial=0.0)
+        size = max(size, float(away.max(initial=0.0)))
+        if size > high:
+            raise SceneError(
+                f"mesh {mesh.mesh.name!r}: vertex {int(np.argmax(away))} is {away.max():.3g} from "
+                f"the camera; at most {high:g} can be rendered: use larger units"
+            )
+    if 0.0 < size < low:
+        raise SceneError(
+            f"every vertex is within {size:.3g} of the camera; {low:g} is the least that can be "
+            "rendered: use smaller units"
+        )
 
 
 def _frames(window: tuple[float, float], frame: float, segments: int) -> Float64:
