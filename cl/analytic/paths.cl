@@ -188,13 +188,21 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     double3 q[6]; // three vertices at the start, three at the end
     uint corner[3] = {path.a, path.b, path.c};
     double blur = 0.0; // on screen, in pixels
+#ifdef LENS
+    bool blurred = false;
+#endif
     for (int i = 0; i < 6; i++) {
         global const Vertex *v = vertices + corner[i % 3] + (i < 3 ? 0u : path.step);
         q[i] = (double3)(v->x, v->y, v->w);
 #ifdef LENS
-        blur = fmax(blur, v->w > 0.0 ? fabs(v->circle) / v->w : v->circle == 0.0 ? 0.0 : INFINITY);
+        // Next to the eye's plane any circle between the vertices' is as great as you like.
+        blurred |= v->circle != 0.0;
+        blur = fmax(blur, v->w > 0.0 ? fabs(v->circle) / v->w : INFINITY);
 #endif
     }
+#ifdef LENS
+    blur = blurred ? blur : 0.0;
+#endif
     double w_low = q[0].z, w_high = q[0].z;
     float y_min = INFINITY, y_max = -INFINITY;
     for (int i = 0; i < 6; i++) {
