@@ -1,0 +1,124 @@
+"""Films of exact paths against the exact twin: random, shipped and benchmark scenes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.render import Image, render
+from test_twin_agreement import CASES, CROPS, FOLDER, LIGHTS, MOVING_CAMERA, everything, late
+
+import mbinterval as mb
+from mbinterval.sampling import fixed_pattern
+from mbinterval.scene.benchmark import read_benchmark
+from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.scene.model import Scene
+
+SIZE = (48, 32)
+SCENES = Path(__file__).resolve().parent.parent / "scenes"
+TRIANGULATED_ONLY = ("paired by depth", "at most six intervals", "32 bits", "256 bits")
+Crop = tuple[int, int, int, int]
+
+
+def twin(
+    exposure: Exposure,
+    settings: mb.Settings,
+    size: tuple[int, int] = SIZE,
+    crop: Crop | None = None,
+) -> Image:
+    with np.errstate(invalid="ignore", divide="ignore"):  # what is seen edge-on
+        return render(
+            exposure, *size, fixed_pattern(settings.samples).astype(np.float64), crop,
+            paths="exact", texture_samples=settings.texture_samples,
+        )  # fmt: skip
+
+
+def exposed(scene: Scene, settings: mb.Settings, size: tuple[int, int] = SIZE) -> Exposure:
+    return expose(scene, 1.0, size[0] / size[1], settings.motion_segments)
+
+
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def case_of(name: str, seed: int) -> tuple[Scene, mb.Settings]:
+    rng = np.random.default_rng(seed)
+    if name == "everything":
+        scene = Scene(meshes=everything(rng), camera=MOVING_CAMERA, lights=LIGHTS)
+        return scene, mb.Settings(samples=2)
+    case = CASES[name]
+    scene = Scene(
+        meshes=case.meshes(rng), camera=case.camera, lights=LIGHTS, background=case.background
+    )
+    return scene, mb.Settings(**({"samples": 1} | case.settings))
+
+
+RANDOM = [name for name in CASES if name not in TRIANGULATED_ONLY] + ["everything"]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("name", RANDOM)
+def test_random_scenes_agree_with_the_exact_twin(name, seed):
+    scene, settings = case_of(name, seed)
+    film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
+    truth = twin(exposed(scene, settings), settings)
+    error = film.rgba - truth.rgba
+    print(f"\n{name}: RMSE {rms(error):.1e}, greatest {np.abs(error).max():.1e}")
+    assert rms(error) < 1e-5
+    assert np.abs(error).max() < 1e-3
+    covered = film.rgba[..., 3] > 1e-3
+    assert film.depth[covered] == pytest.approx(truth.depth[covered], rel=1e-4)
+    # What lies behind something static is not met at all.
+    assert np.all(film.intervals <= truth.intervals + 1)
+    if all(len(mesh.positions.shape) == 3 for mesh in scene.meshes):
+        assert np.mean(film.intervals != truth.intervals) < 1e-3
+
+
+@pytest.mark.parametrize("name", ["two-sided", "texture", "phong", "everything"])
+def test_a_hundredth_of_the_shutter_or_one_percent_of_colour_is_noticed(name):
+    scene, settings = case_of(name, 1)
+    film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
+    frozen = exposed(scene, settings)
+    assert rms(film.rgba - 1.01 * twin(frozen, settings).rgba) > 1e-3
+    assert rms(film.rgba - twin(late(frozen, 0.01), settings).rgba) > 1e-4
+
+
+@pytest.mark.parametrize("bits", [32, 128])
+def test_masks_of_exact_paths_agree_with_the_twin_but_for_bits_at_a_rounding(bits):
+    scene, settings = case_of("two-sided", 3)
+    settings = replace(settings, occlusion=bits)
+    film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
+    truth = render(exposed(scene, settings), *SIZE, bits=bits, paths="exact")
+    error = np.abs(film.rgba - truth.rgba).max(axis=-1)
+    assert np.mean(error > 1e-6) < 0.01
+    assert error.max() < 2 / bits
+    exact = twin(exposed(scene, settings), settings)
+    assert rms(exact.rgba - truth.rgba) > 1e-4
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.toml")))
+def test_shipped_scenes_agree_with_the_exact_twin(name):
+    scene = mb.load(SCENES / f"{name}.toml")
+    if not isinstance(scene.background, tuple):  # the twin does not scale images
+        scene = replace(scene, background=(0.5, 0.6, 0.7))
+    settings = mb.Settings(samples=1)
+    film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
+    error = film.rgba - twin(exposed(scene, settings), settings).rgba
+    print(f"\n{name}: RMSE {rms(error):.1e}, greatest {np.abs(error).max():.1e}")
+    assert rms(error) < 1e-5
+    assert np.abs(error).max() < 1e-3
+
+
+if FOLDER.is_dir():
+
+    @pytest.mark.parametrize("name", CROPS)
+    def test_crops_of_the_benchmark_agree_with_the_exact_twin(name):
+        scene, *size = read_benchmark(FOLDER / f"{name}.npz")
+        settings = mb.Settings(samples=1)
+        crop = CROPS[name]
+        film = mb.render(scene, width=size[0], height=size[1], settings=settings, crop=crop)
+        error = film.rgba - twin(exposed(scene, settings, tuple(size)), settings, size, crop).rgba
+        assert rms(error) < 1e-5
+        assert np.abs(error).max() < 1e-3
