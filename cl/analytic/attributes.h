@@ -20,10 +20,11 @@ typedef struct {
     float3 ray[2], eye[2]; // world, at the segment's start and end: eye + w ray is seen at depth w
 } Shaded;
 
+// Attributes at sixteen times.
 typedef struct {
-    float2 uv;
-    float3 normal, color;
-    float circle;
+    Lanes u, v;
+    Lanes3 normal, color;
+    Lanes circle;
 } Attributes;
 
 static inline uint corner_vertex(Path path, int corner)
@@ -93,18 +94,18 @@ static void load_corners(const Tile *tile, Shaded *s)
 }
 
 // Attributes at weights of the six corners; those that no effect asks for stay out.
-static inline Attributes blend_corners(const Shaded *s, const float *weights)
+static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
 {
-    Attributes a = {0.0f, 0.0f, 1.0f, 0.0f};
+    Attributes a = {0.0f, 0.0f, {0.0f, 0.0f, 0.0f}, {1.0f, 1.0f, 1.0f}, 0.0f};
 #ifdef TEXTURED
-    for (int i = 0; i < 6; i++) a.uv += weights[i] * s->uv[i];
+    for (int i = 0; i < 6; i++) a.u += weights[i] * s->uv[i].x, a.v += weights[i] * s->uv[i].y;
 #endif
 #ifdef PHONG
-    for (int i = 0; i < 6; i++) a.normal += weights[i] * s->normal[i];
+    for (int i = 0; i < 6; i++) a.normal = lanes_added(a.normal, weights[i], s->normal[i]);
 #endif
 #ifdef VERTEX_COLOR
-    a.color = 0.0f;
-    for (int i = 0; i < 6; i++) a.color += weights[i] * s->color[i];
+    a.color.x = a.color.y = a.color.z = 0.0f;
+    for (int i = 0; i < 6; i++) a.color = lanes_added(a.color, weights[i], s->color[i]);
 #endif
 #ifdef LENS
     for (int i = 0; i < 6; i++) a.circle += weights[i] * s->circle[i];
@@ -129,23 +130,28 @@ static void load_view(const Tile *tile, Shaded *s)
     }
 }
 
-// Reflected light at time t of the shutter and depth w.
-static float3 reflect_light(const Tile *tile, const Shaded *s, Attributes a, float3 color, float t,
-                            float w)
+// Reflected light at times t of the shutter and depths w.
+static Lanes3 reflect_light(const Tile *tile, const Shaded *s, const Attributes *a, Lanes3 color,
+                            Lanes t, Lanes w)
 {
-    float tau = (t - s->path.open) / s->path.length;
-    float3 ray = s->ray[0] + tau * (s->ray[1] - s->ray[0]);
-    float3 position = s->eye[0] + tau * (s->eye[1] - s->eye[0]);
+    Lanes tau = (t - s->path.open) * (1.0f / s->path.length);
+    Lanes3 ray = {s->ray[0].x, s->ray[0].y, s->ray[0].z};
+    Lanes3 position = {s->eye[0].x, s->eye[0].y, s->eye[0].z};
+    ray = lanes_added(ray, tau, s->ray[1] - s->ray[0]);
+    position = lanes_added(position, tau, s->eye[1] - s->eye[0]);
 #ifdef LENS
     // The point is seen through the middle of the lens where its circle of confusion is not.
     global const double *m = segment_camera(tile, s, 0)->inverse;
-    float x = -s->place.u * a.circle / w, y = -s->place.v * a.circle / w;
-    ray += (float3)(m[0] * x + m[1] * y, m[3] * x + m[4] * y, m[6] * x + m[7] * y);
+    Lanes across = -s->place.u * a->circle / w, down = -s->place.v * a->circle / w;
+    ray = lanes_added(ray, across, (float3)(m[0], m[3], m[6]));
+    ray = lanes_added(ray, down, (float3)(m[1], m[4], m[7]));
 #endif
-    position += w * ray;
-    float3 view = -unit(ray), normal = unit(a.normal);
-    if (!(s->material.flags & MATERIAL_SINGLE_SIDED) && dot3(normal, view) < 0.0f) normal = -normal;
-    return phong(s->material, color, position, normal, view, tile->scene.lights,
+    position.x += w * ray.x, position.y += w * ray.y, position.z += w * ray.z;
+    Lanes3 view = lanes_unit(lanes_scaled(ray, -1.0f)), normal = lanes_unit(a->normal);
+    if (!(s->material.flags & MATERIAL_SINGLE_SIDED))
+        normal = lanes_scaled(normal, lanes_dot(normal, view) < 0.0f ? (Lanes)(-1.0f)
+                                                                      : (Lanes)(1.0f));
+    return phong(&s->material, color, position, normal, view, tile->scene.lights,
                  tile->scene.light_count);
 }
 #endif

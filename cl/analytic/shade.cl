@@ -36,49 +36,83 @@ static inline int evaluations(const Shaded *s)
     return varies ? TEXTURE_SAMPLES : 1;
 }
 
-// Weight of the i-th of n equal parts of the span: the light that passes in it.
-static inline float part_light(const Tile *tile, const Shaded *s, Span span, int i, int n)
+// The light that passes in each of the n equal parts of the span from `first` on; nothing beyond n.
+static inline Lanes part_light(const Tile *tile, const Shaded *s, Span span, int first, int n)
 {
 #ifdef SHUTTER_CURVE
-    float step = (span.t1 - span.t0) / n;
-    return light_until(tile, s->window, span.t0 + step * (i + 1))
-           - light_until(tile, s->window, span.t0 + step * i);
+    float light[LANES], step = (span.t1 - span.t0) / n;
+    float before = light_until(tile, s->window, span.t0 + step * first);
+    for (int i = 0; i < LANES; i++) {
+        float after = light_until(tile, s->window, span.t0 + step * min(first + i + 1, n));
+        light[i] = after - before;
+        before = after;
+    }
+    return vload16(0, light);
 #else
-    return 1.0f;
+    return first + LANE_INDEX < (float)n ? (Lanes)(1.0f) : (Lanes)(0.0f);
 #endif
 }
 
+#ifdef TEXTURED
+// Multiply by the texture's colour; its level is that of the span's extent over n places.
+static Lanes3 textured(const Tile *tile, const Shaded *s, const Attributes *a, float level, int n,
+                       Lanes3 color)
+{
+    Texture texture = tile->scene.textures[s->material.texture];
+    float u[LANES], v[LANES], r[LANES], g[LANES], b[LANES];
+    vstore16(a->u, 0, u), vstore16(a->v, 0, v);
+    for (int i = 0; i < LANES; i++) {
+        float3 texel = i < n ? texture_at(tile->scene.texels, texture, (float2)(u[i], v[i]), level)
+                             : (float3)(0.0f);
+        r[i] = texel.x, g[i] = texel.y, b[i] = texel.z;
+    }
+    color.x *= vload16(0, r), color.y *= vload16(0, g), color.z *= vload16(0, b);
+    return color;
+}
+
+// Mip level at which a sample's share of the span's longest extent is one texel.
+static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Span span, int n)
+{
+    Texture texture = tile->scene.textures[s->material.texture];
+    Attributes a = attributes_at(s, v, LANE_INDEX < 1.0f ? (Lanes)(span.t0) : (Lanes)(span.t1));
+    float2 extent = fabs((float2)(a.u.s1 - a.u.s0, a.v.s1 - a.v.s0))
+                    * (float2)(texture.width, texture.height);
+    return log2(fmax(fmax(extent.x, extent.y) / n, 1.0f));
+}
+#endif
+
+// Average colour of the span, from sixteen of its n places at a time.
 static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3 base)
 {
     Varying v = prepare_varying(tile, s, span);
     int n = evaluations(s);
 #ifdef TEXTURED
-    Texture texture = tile->scene.textures[s->material.texture == NONE ? 0u : s->material.texture];
-    float2 extent = fabs(attributes_at(s, &v, span.t1).uv - attributes_at(s, &v, span.t0).uv)
-                    * (float2)(texture.width, texture.height);
-    float level = log2(fmax(fmax(extent.x, extent.y) / n, 1.0f));
+    bool has_texture = s->material.texture != NONE;
+    float level = has_texture ? span_level(tile, s, &v, span, n) : 0.0f;
 #endif
     float3 sum = 0.0f;
     float total = 0.0f;
-    for (int i = 0; i < n; i++) {
-        float t = span.t0 + (span.t1 - span.t0) * ((i + 0.5f) / n);
+    for (int first = 0; first < n; first += LANES) {
+        Lanes i = lanes_min(first + LANE_INDEX, (Lanes)(n - 1.0f));
+        Lanes t = span.t0 + (span.t1 - span.t0) * ((i + 0.5f) / n);
         Attributes a = attributes_at(s, &v, t);
-        float3 here = base * a.color;
+        Lanes3 here = {base.x * a.color.x, base.y * a.color.y, base.z * a.color.z};
 #ifdef TEXTURED
-        if (s->material.texture != NONE)
-            here *= texture_at(tile->scene.texels, texture, a.uv, level);
+        if (has_texture) here = textured(tile, s, &a, level, n - first, here);
 #endif
 #ifdef PHONG
         if (s->material.flags & MATERIAL_PHONG) {
-            float w = 1.0f; // depth is for what lies near
+            Lanes w = 1.0f; // depth is for what lies near
 #if defined(POINT_LIGHTS) || defined(LENS)
             w = varying_depth(&v, t);
 #endif
-            here = reflect_light(tile, s, a, here, t, w);
+            here = reflect_light(tile, s, &a, here, t, w);
         }
 #endif
-        float light = part_light(tile, s, span, i, n);
-        sum += light * here, total += light;
+        Lanes light = part_light(tile, s, span, first, n);
+        sum += (float3)(lanes_sum(light * here.x), lanes_sum(light * here.y),
+                        lanes_sum(light * here.z));
+        total += lanes_sum(light);
     }
     return total > 0.0f ? sum / total : (float3)(0.0f);
 }

@@ -8,7 +8,7 @@
 
 typedef struct {
     Interval interval;
-    Attributes start, end; // at the fragments
+    float start[6], end[6]; // weights of the corners at the fragments
     float t0, over;        // time of the first fragment, 1 / (time between them)
 } Varying;
 
@@ -68,28 +68,24 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     uint face = (1u << PART_BITS) - 1u, first = v.interval.first, last = v.interval.last;
     if ((first & face) == PART_EYE) first = last;
     if ((last & face) == PART_EYE) last = first;
-    float weights[6];
-    v.t0 = fragment_weights(&surface, first & face, s->place.x, s->place.y, weights);
-    v.start = blend_corners(s, weights);
-    float t1 = fragment_weights(&surface, last & face, s->place.x, s->place.y, weights);
-    v.end = blend_corners(s, weights);
+    v.t0 = fragment_weights(&surface, first & face, s->place.x, s->place.y, v.start);
+    float t1 = fragment_weights(&surface, last & face, s->place.x, s->place.y, v.end);
     v.over = t1 != v.t0 ? 1.0f / (s->path.length * (t1 - v.t0)) : 0.0f;
     v.t0 = s->path.open + s->path.length * v.t0;
     return v;
 }
 
-static inline float varying_depth(const Varying *v, float t)
+static inline Lanes varying_depth(const Varying *v, Lanes t)
 {
     Interval i = v->interval;
     return i.w0 + (i.w1 - i.w0) * ((t - i.t0) / (i.t1 - i.t0));
 }
 
-static Attributes attributes_at(const Shaded *s, const Varying *v, float t)
+static Attributes attributes_at(const Shaded *s, const Varying *v, Lanes t)
 {
-    float part = (t - v->t0) * v->over;
-    Attributes a = {mix(v->start.uv, v->end.uv, part), mix(v->start.normal, v->end.normal, part),
-                    mix(v->start.color, v->end.color, part), 0.0f};
-    return a;
+    Lanes part = (t - v->t0) * v->over, weights[6];
+    for (int i = 0; i < 6; i++) weights[i] = v->start[i] + part * (v->end[i] - v->start[i]);
+    return blend_corners(s, weights);
 }
 
 #endif

@@ -13,6 +13,35 @@ typedef int16 LaneMask;
 static inline Lanes lanes_max(Lanes a, Lanes b) { return a > b ? a : b; }
 static inline Lanes lanes_min(Lanes a, Lanes b) { return a < b ? a : b; }
 
+static inline float lanes_sum(Lanes a)
+{
+    float8 b = a.lo + a.hi;
+    float4 c = b.lo + b.hi;
+    return (c.x + c.z) + (c.y + c.w);
+}
+
+// Sixteen vectors.
+typedef struct {
+    Lanes x, y, z;
+} Lanes3;
+
+static inline Lanes lanes_dot(Lanes3 a, Lanes3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+static inline Lanes3 lanes_scaled(Lanes3 a, Lanes by)
+{
+    Lanes3 scaled = {a.x * by, a.y * by, a.z * by};
+    return scaled;
+}
+
+static inline Lanes3 lanes_unit(Lanes3 a) { return lanes_scaled(a, 1.0f / sqrt(lanes_dot(a, a))); }
+
+// a + by * b, of a vector that all lanes share
+static inline Lanes3 lanes_added(Lanes3 a, Lanes by, float3 b)
+{
+    Lanes3 sum = {a.x + by * b.x, a.y + by * b.y, a.z + by * b.z};
+    return sum;
+}
+
 // value - position * weight, rounded once, plus the same of the low parts.
 static inline Lanes lanes_shift(float value, float value_low, Lanes position, float weight,
                                 float weight_low)

@@ -1,12 +1,9 @@
-// Texture look-up and Phong's reflection model.
+// Texture look-up, and Phong's reflection model for sixteen places at a time.
 #ifndef MB_SHADING_H
 #define MB_SHADING_H
 
+#include "shared/lanes.h"
 #include "shared/records.h"
-
-// Written out: devices' own versions guard against overflow, at several times the cost.
-static inline float dot3(float3 a, float3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-static inline float3 unit(float3 v) { return v * (1.0f / sqrt(dot3(v, v))); }
 
 static inline float3 load3(global const float *p) { return (float3)(p[0], p[1], p[2]); }
 
@@ -51,53 +48,62 @@ static float3 texture_at(global const float4 *texels, Texture texture, float2 uv
     return mix(fine, texture_level(texels, texture, above, uv), level - below);
 }
 
-// x^y for 0 < x <= 1 and y >= 0, to 1e-7 of the logarithm, 0 below 2^-40: by the series of artanh for log2 and of exp. The
-// devices' own pow serves all arguments and costs ten times as much.
-static inline float power(float x, float y)
+// x^y for 0 < x <= 1 and y >= 0, to 1e-7 of the logarithm and 0 below 2^-40: by the series of artanh
+// for log2 and of exp. Devices' own pow serves all arguments, at ten times the cost, and its tails
+// are denormals, which cost a hundred cycles each.
+static inline Lanes lanes_power(Lanes x, float y)
 {
-    int exponent = (int)(as_uint(x) >> 23) - 127;
-    float m = as_float((as_uint(x) & 0x007fffffu) | 0x3f800000u); // [1, 2)
-    if (m > M_SQRT2_F) m *= 0.5f, exponent++;
-    float s = (m - 1.0f) / (m + 1.0f), q = s * s;
-    float series = 1.0f + q * (1.0f / 3.0f + q * (0.2f + q * (1.0f / 7.0f + q * (1.0f / 9.0f))));
-    float log2_x = exponent + 2.0f * M_LOG2E_F * s * series;
-    float z = y * log2_x;
-    if (!(z > -40.0f)) return 0.0f; // and no denormals, which cost a hundred cycles each
-    int whole = (int)(z - 0.5f);
-    float f = (z - whole) * M_LN2_F;
-    float e = 1.0f + f * (1.0f + f * (0.5f + f * (1.0f / 6.0f + f * (1.0f / 24.0f
+    int16 exponent = convert_int16(as_uint16(x) >> 23) - 127;
+    Lanes m = as_float16((as_uint16(x) & 0x007fffffu) | 0x3f800000u); // [1, 2)
+    int16 large = m > M_SQRT2_F;
+    m = large ? 0.5f * m : m;
+    exponent -= large; // true is -1
+    Lanes s = (m - 1.0f) / (m + 1.0f), q = s * s;
+    Lanes series = 1.0f + q * (1.0f / 3.0f + q * (0.2f + q * (1.0f / 7.0f + q * (1.0f / 9.0f))));
+    Lanes z = y * (convert_float16(exponent) + 2.0f * M_LOG2E_F * s * series);
+    int16 seen = z > -40.0f;
+    z = seen ? z : (Lanes)(0.0f);
+    int16 whole = convert_int16(z - 0.5f);
+    Lanes f = (z - convert_float16(whole)) * M_LN2_F;
+    Lanes e = 1.0f + f * (1.0f + f * (0.5f + f * (1.0f / 6.0f + f * (1.0f / 24.0f
               + f * (1.0f / 120.0f + f * (1.0f / 720.0f + f * (1.0f / 5040.0f)))))));
-    return e * as_float((uint)(whole + 127) << 23);
+    return seen ? e * as_float16((whole + 127) << 23) : (Lanes)(0.0f);
 }
 
-// Phong (1975): colour seen from `view` (towards the eye) of a point with unit `normal`.
-static float3 phong(Material material, float3 color, float3 position, float3 normal, float3 view,
-                    global const Light *lights, uint light_count)
+// Phong (1975): colour seen from `view` (towards the eye) of points with unit normals.
+static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lanes3 normal,
+                    Lanes3 view, global const Light *lights, uint light_count)
 {
-    float3 specular_color = (float3)(material.specular[0], material.specular[1],
-                                     material.specular[2]);
-    float3 sum = 0.0f;
+    Lanes3 sum = {0.0f, 0.0f, 0.0f};
     for (uint i = 0; i < light_count; i++) {
         Light light = lights[i];
         float3 arriving = (float3)(light.color[0], light.color[1], light.color[2]);
         if (light.kind == LIGHT_AMBIENT) {
-            sum += color * arriving;
+            sum.x += color.x * arriving.x;
+            sum.y += color.y * arriving.y;
+            sum.z += color.z * arriving.z;
             continue;
         }
-        float3 towards = (float3)(light.vector[0], light.vector[1], light.vector[2]);
+        Lanes3 towards = {light.vector[0], light.vector[1], light.vector[2]};
+        Lanes strength = 1.0f;
 #ifdef POINT_LIGHTS
         if (light.kind == LIGHT_POINT) {
-            towards -= position;
-            float squared = dot3(towards, towards);
-            arriving /= squared;
-            towards /= sqrt(squared);
+            towards.x -= position.x, towards.y -= position.y, towards.z -= position.z;
+            strength = 1.0f / lanes_dot(towards, towards);
+            towards = lanes_scaled(towards, sqrt(strength));
         }
 #endif
-        float cosine = dot3(normal, towards);
-        if (!(cosine > 0.0f)) continue;
-        float reflected = dot3(2.0f * cosine * normal - towards, view);
-        float highlight = reflected > 0.0f ? power(fmin(reflected, 1.0f), material.shininess) : 0.0f;
-        sum += arriving * (color * cosine + specular_color * highlight);
+        Lanes cosine = lanes_dot(normal, towards);
+        cosine = cosine > 0.0f ? cosine : (Lanes)(0.0f);
+        Lanes reflected = 2.0f * cosine * lanes_dot(normal, view) - lanes_dot(towards, view);
+        int16 shines = (reflected > 0.0f) & (cosine > 0.0f);
+        Lanes highlight = lanes_power(shines ? lanes_min(reflected, (Lanes)(1.0f)) : (Lanes)(1.0f),
+                                      material->shininess);
+        highlight = shines ? highlight * strength : (Lanes)(0.0f);
+        Lanes diffuse = cosine * strength;
+        sum.x += arriving.x * (color.x * diffuse + material->specular[0] * highlight);
+        sum.y += arriving.y * (color.y * diffuse + material->specular[1] * highlight);
+        sum.z += arriving.z * (color.z * diffuse + material->specular[2] * highlight);
     }
     return sum;
 }
