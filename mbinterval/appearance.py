@@ -27,8 +27,12 @@ class Appearance:
     lights: NDArray[np.void]
 
 
-def appearance(materials: Sequence[Material], lights: Sequence[Light]) -> Appearance:
-    """Tables for ``materials`` (indices stay) and ``lights``."""
+def appearance(
+    materials: Sequence[Material],
+    lights: Sequence[Light],
+    origin: NDArray[np.float64] | None = None,
+) -> Appearance:
+    """Tables for ``materials`` (indices stay) and ``lights``, placed relative to ``origin``."""
     textures = list({id(m.texture): m.texture for m in materials if m.texture}.values())
     chains = [mip_chain(texture.image) for texture in textures]
     texels = [level.reshape(-1, 4) for chain in chains for level in chain]
@@ -36,7 +40,7 @@ def appearance(materials: Sequence[Material], lights: Sequence[Light]) -> Appear
         materials=_material_table(materials, textures),
         textures=_texture_table(textures, chains),
         texels=np.concatenate(texels) if texels else np.zeros((0, 4), np.float32),
-        lights=_light_table(lights),
+        lights=_light_table(lights, np.zeros(3) if origin is None else origin),
     )
 
 
@@ -114,13 +118,13 @@ def _texture_table(textures: list[Texture], chains: list[list[Float32]]) -> NDAr
     return table
 
 
-def _light_table(lights: Sequence[Light]) -> NDArray[np.void]:
+def _light_table(lights: Sequence[Light], origin: NDArray[np.float64]) -> NDArray[np.void]:
     table = np.zeros(len(lights), records.LIGHT)
     for row, light in zip(table, lights, strict=True):
         row["color"] = np.asarray(light.color) * light.intensity
         row["kind"] = records.LIGHT_KIND[light.kind]
         if light.kind == "point":
-            row["vector"] = light.position
+            row["vector"] = np.asarray(light.position) - origin
         elif light.kind == "directional":
             direction = np.asarray(light.direction)
             row["vector"] = -direction / np.linalg.norm(direction)

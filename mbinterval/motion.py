@@ -157,9 +157,12 @@ def _motion_paths(mesh: MeshExposure, index: int, vertex: int) -> Record:
 
 
 def _camera_table(exposure: Exposure, width: int, height: int) -> tuple[Record, dict[int, int]]:
-    """Poses for every number of segments, and where each number's poses begin."""
+    """Poses for every number of segments, and where each number's poses begin.
+
+    The first record is the camera at the shutter's opening, for nothing has 0 segments.
+    """
     tables, index, count = [], {}, 0
-    for segments, poses in exposure.cameras.items():
+    for segments, poses in sorted(exposure.cameras.items()):
         index[segments] = count
         tables.append(_camera_records(exposure, poses, width, height))
         count += len(tables[-1])

@@ -6,6 +6,7 @@ no stage.
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -305,7 +306,12 @@ def check_crop(crop: Any, width: int, height: int) -> Crop:
     """Return ``crop`` as four whole numbers inside the frame, or the whole frame for None."""
     if crop is None:
         return (0, 0, width, height)
-    x, y, columns, rows = (int(value) for value in crop)
+    try:
+        x, y, columns, rows = (operator.index(value) for value in crop)
+    except (TypeError, ValueError):
+        raise UsageError(
+            f"crop={crop!r}: expected four whole numbers: column, row, width and height"
+        ) from None
     if min(x, y) < 0 or min(columns, rows) < 1 or x + columns > width or y + rows > height:
         raise UsageError(
             f"crop {x},{y},{columns},{rows} does not lie in the frame of {width} x {height} pixels"

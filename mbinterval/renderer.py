@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import operator
 import time
+from collections.abc import Callable
+from numbers import Real
 from typing import Any
 
 from mbinterval.errors import UsageError
@@ -20,6 +24,7 @@ def render(
     settings: Settings | None = None,
     device: Any = None,
     crop: tuple[int, int, int, int] | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Film:
     """Render one frame.
 
@@ -38,6 +43,8 @@ def render(
     crop
         Column, row, width and height in pixels of the part to render; its pixels are those of
         the whole frame.
+    progress
+        Called some times a second, with the fraction of the frame that is done.
 
     Raises
     ------
@@ -50,10 +57,9 @@ def render(
     from mbinterval.plan import check_crop, make_plan, roll_lines
     from mbinterval.scene.exposure import expose
 
-    settings = settings or Settings()
-    for name, value in (("width", width), ("height", height)):
-        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 65536:
-            raise UsageError(f"{name}={value!r}: expected a whole number from 1 to 65536")
+    settings = Settings() if settings is None else settings
+    _check_arguments(scene, settings, frame)
+    width, height = _pixels("width", width), _pixels("height", height)
     region = check_crop(crop, width, height)
     started = time.perf_counter()
     lines = roll_lines(scene, width, height)
@@ -61,7 +67,7 @@ def render(
     motion = lay_out(exposure, width, height)
     plan = make_plan(exposure, motion, settings, width, height, region)
     exposed = time.perf_counter() - started
-    pixels = render_analytic(runtime(device), exposure, motion, plan)
+    pixels = render_analytic(runtime(device), exposure, motion, plan, progress)
     return Film(
         rgba=pixels.rgba,
         depth=pixels.depth,
@@ -73,3 +79,24 @@ def render(
         metadata=frame_metadata(scene, exposure, settings),
         transparent=settings.transparent,
     )
+
+
+def _check_arguments(scene: Any, settings: Any, frame: Any) -> None:
+    if not isinstance(scene, Scene):
+        raise UsageError(
+            f"scene is {type(scene).__name__}: expected a Scene; mbinterval.load reads files"
+        )
+    if not isinstance(settings, Settings):
+        raise UsageError(f"settings is {type(settings).__name__}: expected mbinterval.Settings")
+    if isinstance(frame, bool) or not isinstance(frame, Real) or not math.isfinite(frame):
+        raise UsageError(f"frame={frame!r}: expected a finite number")
+
+
+def _pixels(name: str, value: Any) -> int:
+    try:
+        count = operator.index(value)
+    except TypeError:
+        count = 0
+    if isinstance(value, bool) or not 1 <= count <= 65536:
+        raise UsageError(f"{name}={value!r}: expected a whole number from 1 to 65536")
+    return count

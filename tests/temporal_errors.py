@@ -48,9 +48,7 @@ class Cover:
         return Cover(self.pair[t[:, 0] < t[:, 1]], t[t[:, 0] < t[:, 1]])
 
 
-def kernel_cover(
-    points: np.ndarray, samples: np.ndarray, scalar: bool, flags: int = 0
-) -> Cover:
+def kernel_cover(points: np.ndarray, samples: np.ndarray, scalar: bool, flags: int = 0) -> Cover:
     """Stage "solve" on the pairs: in vectors where it can, or one by one."""
     parts = []
     share = SHARE // SAMPLES

@@ -60,6 +60,32 @@ def test_ctrl_c_leaves_whole_frames_only(tmp_path, number):
     Film.read(tmp_path / "s.0001.exr")
 
 
+LONG = """
+import mbinterval
+from mbinterval.scene.generators import fast_cubes
+settings = mbinterval.Settings(samples=256)
+mbinterval.render(
+    fast_cubes(2000, seed=1), width=1024, height=768, settings=settings,
+    progress=lambda part: print(part, flush=True),
+)
+"""
+
+
+def test_a_frame_of_minutes_is_interrupted_soon(tmp_path):
+    path = os.pathsep.join([str(ROOT), *sys.path])
+    process = subprocess.Popen(
+        [sys.executable, "-c", LONG], cwd=tmp_path, env=os.environ | {"PYTHONPATH": path},
+        text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    parts = [float(process.stdout.readline()) for _ in range(2)]
+    assert 0.0 < parts[0] < parts[1] < 0.5
+    process.send_signal(signal.SIGINT)
+    started = time.monotonic()
+    _, err = process.communicate(timeout=120)
+    assert time.monotonic() - started < 10.0
+    assert err.splitlines()[-1] == "KeyboardInterrupt"
+
+
 def test_a_bar_on_a_terminal_and_none_elsewhere(tmp_path):
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 80))

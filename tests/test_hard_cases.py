@@ -23,7 +23,7 @@ from reference.render import render as twin
 
 import mbinterval as mb
 from mbinterval.scene.exposure import expose
-from mbinterval.scene.model import Camera, Mesh, Scene
+from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene
 
 SIZE = (48, 32)
 FAR = np.array([148376.0, 1234.0, -223423.0])
@@ -292,6 +292,22 @@ def test_triangulated_paths_err_as_expected(name):
         assert error < 1e-6
     else:
         assert case.split / 1.5 < error < case.split * 1.5
+
+
+@pytest.mark.parametrize("paths", ["exact", "triangulated"])
+def test_light_is_the_same_far_from_the_origin(paths):
+    def lit(place: np.ndarray) -> Scene:
+        triangles = np.random.default_rng(5).integers(-64, 64, (2, 30, 3)) / 32 - [0, 0, 4]
+        shiny = Material(shading="phong", specular=(0.5, 0.5, 0.5), shininess=8.0)
+        moving = Mesh(positions=triangles + place, faces=np.arange(30).reshape(-1, 3),
+                      material=shiny)  # fmt: skip
+        lamp = Light("point", position=tuple(place + [1.0, 2.0, -1.0]), intensity=4.0)
+        camera = Camera(position=tuple(place), focal_length=24.0)
+        return Scene(meshes=[moving], camera=camera, lights=[lamp])
+
+    near, far = (film(lit(place), paths).rgba for place in (np.zeros(3), np.full(3, 2.0**30)))
+    assert near[..., :3].max() > 0.2
+    assert np.array_equal(near, far)
 
 
 @pytest.mark.parametrize("paths", ["exact", "triangulated"])

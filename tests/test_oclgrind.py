@@ -1,8 +1,10 @@
 """Every kernel under Oclgrind: no access outside of buffers, no races, nothing read unwritten.
 
 Oclgrind simulates an OpenCL device and checks each access. Its exit code says nothing, so its log
-must be empty. It lives in an environment of its own, where it is the only device: the Python
-that ``MB_OCLGRIND`` names, or a fresh environment, made here with pip (half a minute).
+must be empty. It lives in an environment of its own, where it is the only device:
+
+    python3 -m venv oclgrind && oclgrind/bin/pip install 'pyopencl[oclgrind]' numpy
+    MB_OCLGRIND=$PWD/oclgrind/bin/python pytest -m oclgrind
 
 Oclgrind takes by-value arguments of a kernel's second launch in a process for uninitialized. So
 each scene has its own process, and scenes whose tiles are done again with larger pools are
@@ -13,7 +15,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -44,20 +45,11 @@ queue.finish()
 
 
 @pytest.fixture(scope="module")
-def python(tmp_path_factory: pytest.TempPathFactory) -> str:
+def python() -> str:
     """A Python whose pyopencl has Oclgrind as its only device."""
     given = os.environ.get("MB_OCLGRIND")
-    if given:
-        return given
-    folder = tmp_path_factory.mktemp("oclgrind") / "env"
-    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
-    made = folder / "bin" / "python"
-    packages = ["pyopencl[oclgrind]", "numpy"]
-    subprocess.run(
-        [str(made), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages],
-        check=True,
-    )
-    return str(made)
+    assert given, "MB_OCLGRIND must name a Python with pip install 'pyopencl[oclgrind]' numpy"
+    return given
 
 
 def checked(python: str, folder: Path, *command: str, reads: bool = True) -> tuple[str, str]:
@@ -124,7 +116,7 @@ def test_what_is_wrong_is_reported(kernel, words, python, tmp_path):
 
 
 def test_the_scenes_run_every_stage():
-    from mbinterval.analytic import TILE_STAGES
+    from mbinterval.tiles import TILE_STAGES
 
     seen = set()
     for small in SCENES.values():

@@ -12,6 +12,10 @@ from reference import exact, triangulated
 from reference.paths import Paths, make_paths, paths_of
 from reference.samples import Grid
 
+import mbinterval as mb
+from mbinterval.device import records
+from mbinterval.device.runtime import Runtime
+from mbinterval.errors import CapacityError
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.model import Camera, Mesh, Scene
 
@@ -182,3 +186,26 @@ def test_at_least_half_of_the_samples_walked_on_a_fast_dense_sphere_are_hits():
     assert hit.sum() > 0.5 * visited.sum()
     filed = members_of(shapes, size, 8)
     assert hit.sum() < 0.1 * 64 * sum(map(len, filed))  # what whole tiles would have cost
+
+
+@pytest.mark.parametrize(("counts", "total"), [((3, 4), 7), ((2**31, 2**31), None),
+                                               ((2**32 - 1, 5), None)])  # fmt: skip
+def test_more_entries_than_32_bits_hold_are_noticed(counts, total):
+    scan = [np.uint32(2), np.uint32(1), np.array(counts, np.uint32), np.zeros(3, np.uint32)]
+    _, starts = run("analytic/bin.cl", "bin_scan", scan)
+    assert starts[-1] == (records.NONE if total is None else total)
+
+
+def test_what_bin_cannot_list_is_a_capacity_error(monkeypatch):
+    download = Runtime.download
+
+    def overflowing(self, buffer, shape, dtype):
+        array = download(self, buffer, shape, dtype)
+        if dtype is np.uint32 and len(shape) == 1:  # the tiles' starts
+            array[-1] = records.NONE
+        return array
+
+    monkeypatch.setattr(Runtime, "download", overflowing)
+    mesh = Mesh(positions=np.eye(3) - [0, 0, 3], faces=[[0, 1, 2]])
+    with pytest.raises(CapacityError, match=r"2\*\*32 paths or more; .*tile_size"):
+        mb.render(Scene(meshes=[mesh]), width=8, height=8)

@@ -17,7 +17,8 @@ typedef struct {
     float2 uv[6];
     float3 normal[6], color[6];
     float circle[6];
-    float3 ray[2], eye[2]; // world, at the segment's start and end: eye + w ray is seen at depth w
+    float3 ray[2], eye[2]; // at the segment's start and end: eye + w ray is seen at depth w, in the
+                           // world's directions, relative to the first camera's eye
 } Shaded;
 
 // Attributes at sixteen times.
@@ -123,7 +124,7 @@ static void load_view(const Tile *tile, Shaded *s)
         for (int i = 0; i < 3; i++) {
             global const double *m = camera->inverse + 3 * i;
             ray[i] = (float)(m[0] * s->place.x + m[1] * s->place.y + m[2]);
-            eye[i] = (float)camera->eye[i];
+            eye[i] = (float)(camera->eye[i] - tile->scene.cameras[0].eye[i]);
         }
         s->ray[end] = (float3)(ray[0], ray[1], ray[2]);
         s->eye[end] = (float3)(eye[0], eye[1], eye[2]);
@@ -137,6 +138,7 @@ static Lanes3 reflect_light(const Tile *tile, const Shaded *s, const Attributes 
     Lanes tau = (t - s->path.open) * (1.0f / s->path.length);
     Lanes3 ray = {s->ray[0].x, s->ray[0].y, s->ray[0].z};
     Lanes3 position = {s->eye[0].x, s->eye[0].y, s->eye[0].z};
+    w = lanes_min(lanes_max(w, 1e-30f), 1e30f); // no infinity, and not in the eye
     ray = lanes_added(ray, tau, s->ray[1] - s->ray[0]);
     position = lanes_added(position, tau, s->eye[1] - s->eye[0]);
 #ifdef LENS

@@ -13,7 +13,7 @@ static void resolve(const Tile *tile, Frame frame, global const float *backgroun
     for (int y = tile->y_low; y < tile->y_high; y++)
         for (int x = tile->x_low; x < tile->x_high; x++) {
             int pixel = y * TILE + x;
-            int out = (tile->y + y - frame.y) * frame.width + (tile->x + x - frame.x);
+            size_t out = (size_t)(tile->y + y - frame.y) * frame.width + (tile->x + x - frame.x);
             float4 sum = tile->color[pixel];
             depth[out] = sum.w > 0.0f ? tile->depth[pixel] / sum.w : INFINITY;
             sum *= 1.0f / SAMPLES;

@@ -10,6 +10,7 @@
 typedef struct {
     double edge[3][3];
     DepthCurve depth;
+    float near, far; // bounds of the depth
 } Varying;
 
 static inline uint span_path(const Tile *tile, Span span) { return span.source; }
@@ -26,9 +27,11 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
 {
     Varying v;
     MovingTriangle triangle;
-    load_moving(tile->scene.vertices, s->path, tile->scene.shapes[span.source].flags, &triangle);
+    global const Shape *shape = tile->scene.shapes + span.source;
+    load_moving(tile->scene.vertices, s->path, shape->flags, &triangle);
     for (int i = 0; i < 3; i++) edge_function(&triangle, i, s->place, v.edge[i]);
     v.depth = depth_curve(tile, span.source, s->place);
+    v.near = shape->near, v.far = shape->far;
     return v;
 }
 
@@ -38,7 +41,8 @@ static inline Lanes varying_depth(const Varying *v, Lanes t)
     const double *d = v->depth.d, *e = v->depth.e;
     double16 over = s * (s * e[0] + tau * e[1]) + tau * (s * e[1] + tau * e[2]);
     double16 c0 = s * d[0] + tau * d[1], c1 = s * d[1] + tau * d[2], c2 = s * d[2] + tau * d[3];
-    return convert_float16((s * (s * c0 + tau * c1) + tau * (s * c1 + tau * c2)) / over);
+    Lanes w = convert_float16((s * (s * c0 + tau * c1) + tau * (s * c1 + tau * c2)) / over);
+    return lanes_min(lanes_max(w, v->near), v->far);
 }
 
 static Attributes attributes_at(const Shaded *s, const Varying *v, Lanes t)

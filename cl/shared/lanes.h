@@ -15,9 +15,9 @@ static inline Lanes lanes_min(Lanes a, Lanes b) { return a < b ? a : b; }
 
 static inline float lanes_sum(Lanes a)
 {
-    float8 b = a.lo + a.hi;
-    float4 c = b.lo + b.hi;
-    return (c.x + c.z) + (c.y + c.w);
+    const float4 *part = (const float4 *)&a;
+    float4 sum = (part[0] + part[2]) + (part[1] + part[3]);
+    return (sum.x + sum.z) + (sum.y + sum.w);
 }
 
 // Sixteen vectors.
@@ -33,7 +33,11 @@ static inline Lanes3 lanes_scaled(Lanes3 a, Lanes by)
     return scaled;
 }
 
-static inline Lanes3 lanes_unit(Lanes3 a) { return lanes_scaled(a, 1.0f / sqrt(lanes_dot(a, a))); }
+// Of length 1; zero stays zero.
+static inline Lanes3 lanes_unit(Lanes3 a)
+{
+    return lanes_scaled(a, 1.0f / sqrt(lanes_max(lanes_dot(a, a), FLT_MIN)));
+}
 
 // a + by * b, of a vector that all lanes share
 static inline Lanes3 lanes_added(Lanes3 a, Lanes by, float3 b)

@@ -93,7 +93,8 @@ typedef struct {
 typedef struct {
     float color[3];  // times intensity
     uint kind;       // LIGHT_*
-    float vector[3]; // direction towards the light, normalized, or its position
+    float vector[3]; // direction towards the light, normalized, or its position, relative to the
+                     // eye at the shutter's opening
     uint unused;
 } Light;
 

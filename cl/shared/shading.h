@@ -26,6 +26,7 @@ static float3 texture_level(global const float4 *texels, Texture texture, uint l
         width = max(width / 2, 1), height = max(height / 2, 1);
     }
     float x = uv.x * width - 0.5f, y = (1.0f - uv.y) * height - 0.5f;
+    x = clamp(x, -1e6f, 1e6f), y = clamp(y, -1e6f, 1e6f); // a whole number must hold them
     float x0 = floor(x), y0 = floor(y);
     int left = wrap_texel((int)x0, width, texture.wrap);
     int right = wrap_texel((int)x0 + 1, width, texture.wrap);
@@ -42,7 +43,7 @@ static float3 texture_at(global const float4 *texels, Texture texture, float2 uv
     level = clamp(level, 0.0f, texture.levels - 1.0f);
     uint below = min((uint)level, texture.levels - 1), above = min(below + 1, texture.levels - 1);
     texels += texture.texel;
-    uv -= floor(uv / 2.0f) * 2.0f * (texture.wrap == WRAP_CLAMP ? 0.0f : 1.0f);
+    if (texture.wrap != WRAP_CLAMP) uv -= floor(uv / 2.0f) * 2.0f;
     float3 fine = texture_level(texels, texture, below, uv);
     if (above == below || level == below) return fine;
     return mix(fine, texture_level(texels, texture, above, uv), level - below);
@@ -89,7 +90,7 @@ static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lan
 #ifdef POINT_LIGHTS
         if (light.kind == LIGHT_POINT) {
             towards.x -= position.x, towards.y -= position.y, towards.z -= position.z;
-            strength = 1.0f / lanes_dot(towards, towards);
+            strength = 1.0f / lanes_max(lanes_dot(towards, towards), 1e-30f); // in it, too
             towards = lanes_scaled(towards, sqrt(strength));
         }
 #endif

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -59,10 +60,16 @@ def choose_device(wanted: Any = None) -> Any:
     DeviceError
         No device, none that fits, or one without double precision.
     """
-    if hasattr(wanted, "int_ptr"):
+    import pyopencl as cl
+
+    if isinstance(wanted, cl.Device):
         return _checked(wanted)
-    if wanted is None:
-        wanted = os.environ.get("MBINTERVAL_DEVICE")
+    if wanted is not None and (isinstance(wanted, bool) or not isinstance(wanted, str | int)):
+        raise DeviceError(
+            f"device={wanted!r}: expected a pyopencl.Device, an index, or part of a name"
+        )
+    if wanted is None or wanted == "":
+        wanted = os.environ.get("MBINTERVAL_DEVICE") or None
     if wanted is None and os.environ.get("PYOPENCL_CTX"):
         return _checked(_from_pyopencl_ctx())
     found = _all_devices()
@@ -75,7 +82,8 @@ def choose_device(wanted: Any = None) -> Any:
     text = str(wanted).strip()
     if text.isdigit():
         if int(text) >= len(found):
-            raise DeviceError(f"device {text}: there are {len(found)}; see 'mbinterval devices'")
+            count = "there is 1, index 0" if len(found) == 1 else f"there are {len(found)}"
+            raise DeviceError(f"device {text}: {count}; see 'mbinterval devices'")
         return _checked(found[int(text)])
     for device in found:
         if text.lower() in f"{device.platform.name} {device.name}".lower():
@@ -124,7 +132,9 @@ def _checked(device: Any) -> Any:
 def _kind(device: Any) -> str:
     import pyopencl as cl
 
-    return {cl.device_type.CPU: "CPU", cl.device_type.GPU: "GPU"}.get(device.type, "other")
+    if device.type & cl.device_type.CPU:
+        return "CPU"
+    return "GPU" if device.type & cl.device_type.GPU else "other"
 
 
 def _why_none() -> str:
@@ -136,10 +146,11 @@ def _why_none() -> str:
         names = [platform.name for platform in cl.get_platforms()]
     except cl.Error:
         names = []
-    if any(_POCL in name for name in names) and not _writable(cache):
+    if any(_POCL in name for name in names):
+        cannot = "cannot be written" if not _writable(cache) else "may not be usable"
         return (
-            f"PoCL offers no device because its kernel cache {cache} cannot be written; "
-            "make it writable, or set POCL_CACHE_DIR to a folder that is"
+            f"PoCL offers no device: its kernel cache {cache} {cannot}; make it writable, or set "
+            "POCL_CACHE_DIR to a folder that is"
         )
     platforms = f" (platforms: {', '.join(names)})" if names else ""
     return f"no OpenCL device was found{platforms}; install one with: pip install 'pyopencl[pocl]'"
@@ -154,6 +165,11 @@ def pocl_cache_folder() -> Path:
 
 
 def _writable(folder: Path) -> bool:
+    """Whether a file can be made there: permission bits say nothing to root."""
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
-    return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
+    try:
+        with tempfile.TemporaryDirectory(dir=folder):
+            return True
+    except OSError:
+        return False

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import threading
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ class Runtime:
         self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
         self._local = threading.local()
         self._build_lock = threading.Lock()
-        self.is_cpu = device.type == cl.device_type.CPU
+        self.is_cpu = device.type & ~cl.device_type.DEFAULT == cl.device_type.CPU
         self.workers = device.max_compute_units * (1 if self.is_cpu else 64)
         self.has_cycle_counter = self._probe_cycle_counter()
 
@@ -109,7 +110,7 @@ class Runtime:
             ) from None
         return True
 
-    def upload(self, array: NDArray[Any]) -> Any:
+    def upload(self, array: NDArray[Any], what: str = "") -> Any:
         """Return a read-only buffer with the contents of ``array``; no copy on a CPU device.
 
         On a CPU the buffer refers to the array's own memory: keep it unchanged until the render
@@ -119,17 +120,17 @@ class Runtime:
 
         if array.nbytes == 0:
             return self.allocate(16)
-        self._check_size(array.nbytes)
+        self._check_size(array.nbytes, what)
         host = cl.mem_flags.USE_HOST_PTR if self.is_cpu else cl.mem_flags.COPY_HOST_PTR
         return self._guarded(
             cl.Buffer, cl.mem_flags.READ_ONLY | host, hostbuf=np.ascontiguousarray(array)
         )
 
-    def allocate(self, nbytes: int) -> Any:
-        """Return an uninitialized read-write buffer."""
+    def allocate(self, nbytes: int, what: str = "") -> Any:
+        """Return an uninitialized read-write buffer; ``what`` it is goes into error messages."""
         import pyopencl as cl
 
-        self._check_size(nbytes)
+        self._check_size(nbytes, what)
         return self._guarded(cl.Buffer, cl.mem_flags.READ_WRITE, size=max(nbytes, 16))
 
     def download(self, buffer: Any, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
@@ -137,15 +138,17 @@ class Runtime:
         import pyopencl as cl
 
         array = np.empty(shape, dtype)
-        if array.nbytes:
-            cl.enqueue_copy(self.queue, array, buffer)
+        with _device_errors("reading results"):
+            if array.nbytes:
+                cl.enqueue_copy(self.queue, array, buffer)
         return array
 
     def fill(self, buffer: Any, nbytes: int, value: int = 0) -> None:
         """Set the first ``nbytes`` (a multiple of 4) of ``buffer`` to a repeated 32-bit value."""
         import pyopencl as cl
 
-        cl.enqueue_fill_buffer(self.queue, buffer, np.array(value, np.int32), 0, nbytes)
+        with _device_errors("filling a buffer"):
+            cl.enqueue_fill_buffer(self.queue, buffer, np.array(value, np.int32), 0, nbytes)
 
     def run(self, kernel: Any, items: int, *arguments: Any) -> Any:
         """Enqueue ``kernel`` over ``items`` work-groups of one work-item; returns its event.
@@ -153,36 +156,41 @@ class Runtime:
         One item per group: a CPU device runs groups on its threads, and PoCL would compile a
         kernel again for every other group size.
         """
-        import pyopencl as cl
-
-        try:
+        with _device_errors(f"kernel {kernel.function_name}"):
             return kernel(self.queue, (items,), (1,), *arguments)
-        except cl.MemoryError as error:
-            raise CapacityError(f"the device is out of memory: {error}") from None
-        except cl.Error as error:
-            raise DeviceError(f"kernel {kernel.function_name} failed: {error}") from None
 
-    def _check_size(self, nbytes: int) -> None:
+    def _check_size(self, nbytes: int, what: str) -> None:
         if nbytes > self.device.max_mem_alloc_size:
             raise CapacityError(
-                f"a buffer of {nbytes / 2**20:.0f} MiB is needed, but device "
+                f"{what or 'a buffer'} takes {nbytes / 2**20:.0f} MiB, but device "
                 f"{self.device.name.strip()!r} allows {self.device.max_mem_alloc_size / 2**20:.0f} "
-                "MiB; render in crops, or with fewer samples or a smaller scene"
+                "MiB in one piece; render in crops where the film is too large, with fewer motion "
+                "segments or faces where the scene is"
             )
 
     def _guarded(self, make: Any, flags: Any, **keywords: Any) -> Any:
-        import pyopencl as cl
-
-        try:
+        with _device_errors("a buffer"):
             return make(self.context, flags, **keywords)
-        except cl.MemoryError as error:
-            raise CapacityError(f"the device is out of memory: {error}") from None
+
+
+@contextmanager
+def _device_errors(what: str) -> Iterator[None]:
+    """Turn what OpenCL raises into errors that say what the device was doing."""
+    import pyopencl as cl
+
+    try:
+        yield
+    except cl.MemoryError as error:
+        raise CapacityError(f"{what}: the device is out of memory: {error}") from None
+    except cl.Error as error:
+        raise DeviceError(f"{what}: the device failed: {error}") from None
 
 
 def seconds(event: Any) -> float:
-    """Seconds that the finished ``event`` ran."""
-    event.wait()
-    return float(event.profile.end - event.profile.start) * 1e-9
+    """Seconds that ``event`` ran, once it is finished."""
+    with _device_errors("a kernel"):
+        event.wait()
+        return float(event.profile.end - event.profile.start) * 1e-9
 
 
 def runtime(wanted: Any = None) -> Runtime:
