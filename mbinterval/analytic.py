@@ -24,7 +24,8 @@ from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.errors import CapacityError
 from mbinterval.motion import Motion
-from mbinterval.plan import Plan, filter_of, shutter_keys, slots_of
+from mbinterval.plan import Plan, shutter_keys
+from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
 from mbinterval.tiles import Work, packed, render_tiles, tile_grid
 

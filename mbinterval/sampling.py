@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.device import records
+from mbinterval.settings import Settings
 
 Float64 = NDArray[np.float64]
 
@@ -186,3 +187,16 @@ def sample_slots(pattern: str, count: int, shape: PixelFilter | None) -> NDArray
         for name, away in (("x_low", -1e-3), ("x_high", 1e-3), ("y_low", -1e-3), ("y_high", 1e-3)):
             slots[name] += away
     return slots
+
+
+def filter_of(settings: Settings) -> PixelFilter | None:
+    """Return the pixel filter that samples are drawn from; None for a box of one pixel."""
+    radius = RADII[settings.filter] if settings.filter_radius is None else settings.filter_radius
+    if (settings.filter, radius) == ("box", 0.5):
+        return None
+    return pixel_filter(settings.filter, radius)
+
+
+def slots_of(settings: Settings) -> NDArray[np.void]:
+    """Return where each of a pixel's samples may lie, as ``Slot`` records."""
+    return sample_slots(settings.pattern, settings.samples, filter_of(settings))

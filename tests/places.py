@@ -6,7 +6,7 @@ import numpy as np
 from kernels import run
 
 import mbinterval as mb
-from mbinterval.plan import filter_of, slots_of
+from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.model import Camera
 
 TILE = 16

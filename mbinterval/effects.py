@@ -1,0 +1,147 @@
+"""The effects that a scene calls for, each with the reason why or why not.
+
+An effect that is not called for leaves no code in the kernels: each is a macro.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbinterval.sampling import filter_of
+from mbinterval.settings import Settings
+
+if TYPE_CHECKING:
+    from mbinterval.motion import Motion
+    from mbinterval.scene.exposure import Exposure
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something that a scene may call for, and why it does or does not."""
+
+    name: str
+    active: bool
+    reason: str
+    macro: str = ""
+
+
+def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:
+    """Find all effects, in the order of the pipeline, active or not."""
+    moving = len(motion.paths) > motion.static_paths
+    return (
+        *_motion(exposure, motion, settings, moving),
+        *_samples(exposure, settings),
+        *_shutter(exposure, moving),
+        *_geometry(motion),
+        *_shading(exposure, motion),
+        *_film(exposure, settings),
+        *_published(settings, moving),
+    )
+
+
+def _motion(
+    exposure: Exposure, motion: Motion, settings: Settings, moving: bool
+) -> tuple[Effect, ...]:
+    paths = len(motion.paths) - motion.static_paths
+    segments = sorted({mesh.segments for mesh in exposure.meshes if mesh.segments})
+    plural = "" if segments == [1] else "s"
+    many = f", {' and '.join(map(str, segments))} motion segment{plural}" if segments else ""
+    kind = f"paths={settings.paths!r}" if moving else "nothing moves"
+    camera = "the camera moves: every mesh has motion paths" if exposure.camera_moves else (
+        "the camera stays"
+    )  # fmt: skip
+    return (
+        Effect("motion", moving, f"{paths} motion paths{many}", "MOVING"),
+        Effect("exact in time", settings.paths == "exact" or not moving, kind, "EXACT"),
+        Effect("camera motion", exposure.camera_moves, camera),
+    )
+
+
+def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
+    lens = any(np.any(poses.aperture > 0.0) for poses in exposure.cameras.values())
+    stop = f"f/{exposure.camera.f_stop}" if lens else "the camera is a pinhole"
+    scattered = settings.pattern == "sobol"
+    shape = filter_of(settings)
+    weighted = shape is not None and shape.mass != 1.0
+    lobes = f"the {settings.filter} filter has {'' if weighted else 'no '}negative lobes"
+    placed = lens or scattered or weighted
+    where = "each pixel has its own" if placed else "all pixels have the same"
+    return (
+        Effect("lens", lens, stop, "LENS"),
+        Effect("scattered samples", scattered, f"pattern={settings.pattern!r}", "SCATTERED"),
+        Effect("weighted samples", weighted, lobes, "WEIGHTED"),
+        Effect("samples placed by pixel", placed, where, "PLACED"),
+    )
+
+
+def _shutter(exposure: Exposure, moving: bool) -> tuple[Effect, ...]:
+    curve = exposure.shutter.curve
+    name = f"curve={curve!r}" if isinstance(curve, str) else f"a table of {len(curve)} values"
+    rolls = exposure.roll is not None and moving
+    columns = exposure.roll is not None and exposure.roll.columns and moving
+    rolling = f"rolling={exposure.shutter.rolling!r}"
+    return (
+        Effect("shutter curve", curve != "box" and moving, name),
+        Effect("rolling shutter", rolls, rolling, "ROLLING"),
+        Effect("rolling columns", columns, rolling, "ROLLING_COLUMNS"),
+    )
+
+
+def _geometry(motion: Motion) -> tuple[Effect, ...]:
+    static = motion.static_paths
+    single = [m.name for m in motion.materials if not m.double_sided]
+    return (
+        Effect("static geometry", static > 0, f"{static} triangles do not move", "STATIC"),
+        Effect("single-sided", bool(single), _named("material", single), "SINGLE_SIDED"),
+    )
+
+
+def _shading(exposure: Exposure, motion: Motion) -> tuple[Effect, ...]:
+    phong = [m.name for m in motion.materials if m.shading == "phong"]
+    textured = [m.name for m in motion.materials if m.texture is not None]
+    colored = [m.mesh.name for m in exposure.meshes if m.color is not None]
+    painted = [m.mesh.name for m in exposure.meshes if m.face_color is not None]
+    points = sum(light.kind == "point" for light in exposure.lights)
+    lamps = f"{points} point lights" if phong or not points else "nothing reflects them"
+    return (
+        Effect("phong shading", bool(phong), _named("material", phong), "PHONG"),
+        Effect("point lights", bool(phong) and points > 0, lamps, "POINT_LIGHTS"),
+        Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
+        Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
+        Effect("face colour", bool(painted), _named("mesh", painted), "FACE_COLOR"),
+    )
+
+
+def _film(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
+    image = not isinstance(exposure.background, tuple)
+    behind = "the scene has one" if image else "a constant colour"
+    if image and settings.transparent:
+        behind = "the film is transparent"
+    asked = "asked for" if settings.transparent else "not asked for"
+    return (
+        Effect("background image", image and not settings.transparent, behind, "BACKGROUND_IMAGE"),
+        Effect("transparent film", settings.transparent, asked, "TRANSPARENT"),
+    )
+
+
+def _published(settings: Settings, moving: bool) -> tuple[Effect, ...]:
+    """Choices within the method of Hong & Oh (2017)."""
+    by_depth = settings.pairing == "depth" and settings.paths == "triangulated" and moving
+    partial = settings.partial_bits and settings.occlusion != "exact" and moving
+    return (
+        Effect("pairing by depth", by_depth, f"pairing={settings.pairing!r}", "PAIR_BY_DEPTH"),
+        Effect("partial bits", partial, f"partial_bits={settings.partial_bits}", "PARTIAL_BITS"),
+    )
+
+
+def _named(kind: str, names: Sequence[str]) -> str:
+    """Say which items call for an effect: 'material 'tyre' and 2 more', or 'no material'."""
+    if not names:
+        return f"no {kind} calls for it"
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    first = next((repr(name) for name in names if name), "without a name")
+    return f"{kind} {first}{more}"
