@@ -95,5 +95,6 @@ kernel void bin_file(global const Shape *shapes, global const uint *order, Grid 
                      global uint *places, global uint *entries)
 {
     uint tiles = grid.columns * grid.rows;
-    bin_chunk(shapes, order, grid, get_global_id(0), places + (size_t)get_global_id(0) * tiles, entries);
+    global uint *place = places + (size_t)get_global_id(0) * tiles;
+    bin_chunk(shapes, order, grid, get_global_id(0), place, entries);
 }

@@ -1,5 +1,5 @@
-// Exact depth of motion paths at a sample: w(t) = d / e with d cubic and e quadratic in time, and the
-// times at which two of them change order.
+// Exact depth of motion paths at a sample: w(t) = d / e with d cubic and e quadratic in time, and
+// the times at which two of them change order.
 #ifndef MB_DEPTH_H
 #define MB_DEPTH_H
 
@@ -77,8 +77,8 @@ static bool surely_before(const DepthCurve *a, const DepthCurve *b)
     return b_near > 0.0 && a_e > 0.0 && a_far * b_e < b_near * a_e * (1.0 - EQUAL_DEPTH);
 }
 
-// Compare two paths on [low, high): how often they change order, at which times, and whether a is in
-// front at first. Equal depths throughout: the path with the lower index is in front.
+// Compare two paths on [low, high): how often they change order, at which times, and whether a is
+// in front at first. Equal depths throughout: the path with the lower index is in front.
 static int compare_depths(const Tile *tile, uint a, uint b, Place place, double low, double high,
                           double *times, bool *a_first)
 {

@@ -1,9 +1,10 @@
-// Time-dependent edge functions of a moving triangle at a sample (Akenine-Moeller et al. 2007, 3.3.2).
+// Time-dependent edge functions of a moving triangle at a sample (Akenine-Moeller et al. 2007,
+// 3.3.2).
 //
 // Edge i lies opposite vertex i. At the sample (X, Y) its function is the cross product of its two
 // vertices shifted to the sample, (x - X w, y - Y w): a quadratic over the motion segment, in
-// Bernstein form. Its vertices are taken in order of position (SHAPE_REVERSED), so that the faces on
-// both sides of an edge find the same bits, and the sign is given back afterwards. The triangle
+// Bernstein form. Its vertices are taken in order of position (SHAPE_REVERSED), so that the faces
+// on both sides of an edge find the same bits, and the sign is given back afterwards. The triangle
 // covers the sample while all three are below zero (front) or above (back) and the sample's point
 // lies before the eye. The sum of the three, 1/w apart from a factor, is linear in X and Y.
 #ifndef MB_EDGES_H
@@ -108,8 +109,8 @@ static void perturbed_edge_function(const MovingTriangle *m, int i, Place place,
         edge_derivative(m, i, place, along_x, b);
 }
 
-// Determinant of the three vertices over time, as seen through the sample's point of the lens: the sum
-// of the edge functions times w; and the sum of the edge functions.
+// Determinant of the three vertices over time, as seen through the sample's point of the lens: the
+// sum of the edge functions times w; and the sum of the edge functions.
 static void depth_of_edges(const MovingTriangle *m, Place place, double *d, double *e)
 {
     for (int k = 0; k < 4; k++) d[k] = 0.0;

@@ -1,12 +1,13 @@
-// Stage "envelope": what is seen of each sample's intervals, exactly: the front envelope in time and
-// depth.
+// Stage "envelope": what is seen of each sample's intervals, exactly: the front envelope in time
+// and depth.
 //
-// Intervals come from near to far; those that lie behind what covers their time are left out, and all
-// that follow once the whole shutter is covered. The rest are sorted by time and dealt into chains, whose members follow each other without
-// overlap; most often a chain is one surface that passes, triangle after triangle. A chain is an
-// envelope already. Chains are then merged in pairs, as in a merge sort, each time in one walk
-// through both: where both have something to show, bounds of depth decide, or else the exact order,
-// with a cut wherever it changes. That takes O(n log n) for n intervals.
+// Intervals come from near to far; those that lie behind what covers their time are left out, and
+// all that follow once the whole shutter is covered. The rest are sorted by time and dealt into
+// chains, whose members follow each other without overlap; most often a chain is one surface that
+// passes, triangle after triangle. A chain is an envelope already. Chains are then merged in pairs,
+// as in a merge sort, each time in one walk through both: where both have something to show, bounds
+// of depth decide, or else the exact order, with a cut wherever it changes. That takes O(n log n)
+// for n intervals.
 #include "analytic/depth.h"
 #include "analytic/shutter.h"
 
@@ -79,7 +80,8 @@ static void merge_envelopes(const Tile *tile, Place place, global const Front *a
     for (; k < b_count; k++) append_front(w, b[k], fmax(b[k].t0, from), b[k].t1);
 }
 
-// Rank of each key among `count`, ties by place, counted for 16 at a time: the last ones are filled up.
+// Rank of each key among `count`, ties by place, counted for 16 at a time: the last ones are filled
+// up.
 static void rank_keys(global float *keys, int count, global int *ranks)
 {
     for (int k = count; k % LANES != 0; k++) keys[k] = INFINITY;
@@ -132,7 +134,8 @@ static inline Front front_of(const Tile *tile, uint path, float t0, float t1)
     return front;
 }
 
-// Stretches of the shutter that are covered, and how deep at most: intervals behind them are hidden.
+// Stretches of the shutter that are covered, and how deep at most: intervals behind them are
+// hidden.
 typedef struct {
     float t0[COVERS], t1[COVERS], far[COVERS];
     int count;
@@ -279,7 +282,8 @@ static bool envelope(Tile *tile)
         Run run = {tile->span_count, (uint)count};
         for (int k = 0; k < count; k++) {
             Front front = tile->merged[k];
-            float weight = light_until(tile, window, front.t1) - light_until(tile, window, front.t0);
+            float before = light_until(tile, window, front.t0);
+            float weight = light_until(tile, window, front.t1) - before;
             Span span = {front.t0, front.t1, weight, front.path};
             tile->spans[tile->span_count++] = span;
         }

@@ -1,11 +1,11 @@
-// Stage "intervals": the fragments of each path on each sample, paired into time intervals
-// (Hong & Oh 2017, 3.3).
+// Stage "intervals": the fragments of each path on each sample, paired into time intervals (Hong &
+// Oh 2017, 3.3).
 //
-// Fragments are paired in order of time; the paper pairs them in order of depth, which PAIR_BY_DEPTH
-// keeps. An odd number means that the path swept over the eye: the fragment that is missing lies
-// at w = 0, at the time when the triangle's plane passes through the eye. It is put in before
-// pairing; where there is no such time, rounding made the number odd, and the fragment nearest to
-// the eye is left out.
+// Fragments are paired in order of time; the paper pairs them in order of depth, which
+// PAIR_BY_DEPTH keeps. An odd number means that the path swept over the eye: the fragment that is
+// missing lies at w = 0, at the time when the triangle's plane passes through the eye. It is put in
+// before pairing; where there is no such time, rounding made the number odd, and the fragment
+// nearest to the eye is left out.
 #include "analytic/shutter.h"
 
 #define MAX_FRAGMENTS 16

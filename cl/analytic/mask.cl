@@ -18,37 +18,28 @@ static inline Wide curve_nearness(const DepthCurve *c, Wide t)
 
 #define OWNED_BY_STATIC (-2)
 
-// The interval of an owner: a node of the sample's list, or the static surface.
-static inline Visit owned_visit(const Tile *tile, int sample, int owner)
+// Owners are nodes of the sample's list, or the static surface.
+static inline Owned owned_by(const Tile *tile, int sample, int owner)
 {
 #ifdef STATIC
     if (owner == OWNED_BY_STATIC) {
         float2 window = window_of(tile, sample);
-        Visit always = {window.x, window.y, tile->static_part[sample] >> PART_BITS, -1};
+        Owned always = {window.x, window.y, tile->static_part[sample] >> PART_BITS};
         return always;
     }
 #endif
-    return tile->visits[owner];
-}
-
-static inline Lit lit_by(const Tile *tile, int sample, int owner)
-{
-    Lit lit = {0.0f, 0.0f, owner};
-    if (owner == FREE) return lit;
-    Visit visit = owned_visit(tile, sample, owner);
-    float2 window = window_of(tile, sample);
-    lit.start = light_until(tile, window, visit.t0);
-    lit.end = light_until(tile, window, visit.t1);
-    return lit;
+    Visit visit = tile->visits[owner];
+    Owned owned = {visit.t0, visit.t1, visit.path};
+    return owned;
 }
 
 // Give an owner the bits in which it is nearest so far.
 static void take_nearest(const Tile *tile, int sample, const float *centres, int own,
                          double *nearness, int *owner)
 {
-    Visit visit = owned_visit(tile, sample, own);
-    DepthCurve curve = depth_curve(tile, visit.path, place_of(tile, sample));
     Lit lit = lit_by(tile, sample, own);
+    uint path = lit.interval.source;
+    DepthCurve curve = depth_curve(tile, path, place_of(tile, sample));
     int low = first_bit(lit.start), high = first_bit(lit.end);
     for (int bit = low / WIDE * WIDE; bit < high; bit += WIDE) {
         double here[WIDE];
@@ -57,30 +48,10 @@ static void take_nearest(const Tile *tile, int sample, const float *centres, int
             double n = here[i - bit];
             bool nearer = owner[i] == FREE || n > nearness[i]
                           || (n == nearness[i]
-                              && visit.path < owned_visit(tile, sample, owner[i]).path);
+                              && path < owned_by(tile, sample, owner[i]).source);
             if (nearer) nearness[i] = n, owner[i] = own;
         }
     }
-}
-
-// Spans of a sample whose every bit has an owner or is FREE. False when the pool is full.
-static bool append_owned_runs(Tile *tile, int sample, const int *owner)
-{
-    float2 window = window_of(tile, sample);
-    Lit before = {0.0f, 0.0f, FREE};
-    for (int bit = 0, end; bit < MASK_BITS; bit = end) {
-        Lit own = lit_by(tile, sample, owner[bit]);
-        for (end = bit + 1; end < MASK_BITS && owner[end] == own.owner;) end++;
-        Lit after = lit_by(tile, sample, end < MASK_BITS ? owner[end] : FREE);
-        if (own.owner != FREE) {
-            Visit visit = owned_visit(tile, sample, own.owner);
-            if (!append_light(tile, window, run_border(bit, before, own),
-                              run_border(end, own, after), visit.t0, visit.t1, visit.path))
-                return false;
-        }
-        before = own;
-    }
-    return true;
 }
 
 // Spans of every sample of the piece. False when the pool is full.

@@ -1,4 +1,5 @@
-// Stage "occlude": what stays visible of each sample's sorted intervals (Hong & Oh 2017, 3.3, Fig. 7).
+// Stage "occlude": what stays visible of each sample's sorted intervals (Hong & Oh 2017, 3.3,
+// Figure 7).
 //
 // Intervals come front to back; each sees what none before it has taken, of the bits of a mask or,
 // without MASK_BITS, of the shutter itself. Every run that is left is a span.
@@ -53,36 +54,18 @@ static inline bool all_taken(const uint *taken)
 
 #ifdef PARTIAL_BITS
 
-static inline Lit lit_by(const Tile *tile, float2 window, int owner)
+// Owners are indices into `sorted`.
+static inline Owned owned_by(const Tile *tile, int sample, int owner)
 {
-    Lit lit = {0.0f, 0.0f, owner};
-    if (owner == FREE) return lit;
-    lit.start = light_until(tile, window, tile->sorted[owner].t0);
-    lit.end = light_until(tile, window, tile->sorted[owner].t1);
-    return lit;
+    Interval interval = tile->sorted[owner];
+    Owned owned = {interval.t0, interval.t1, (uint)owner};
+    return owned;
 }
 
-// Spans of a sample whose every bit has an owner, an index into `sorted`, or is FREE.
-static bool append_owned_runs(Tile *tile, float2 window, const int *owner)
+static bool occlude_sample(Tile *tile, int sample)
 {
-    Lit before = {0.0f, 0.0f, FREE};
-    for (int bit = 0, end; bit < MASK_BITS; bit = end) {
-        Lit own = lit_by(tile, window, owner[bit]);
-        for (end = bit + 1; end < MASK_BITS && owner[end] == own.owner;) end++;
-        Lit after = lit_by(tile, window, end < MASK_BITS ? owner[end] : FREE);
-        if (own.owner != FREE) {
-            Interval i = tile->sorted[own.owner];
-            if (!append_light(tile, window, run_border(bit, before, own),
-                              run_border(end, own, after), i.t0, i.t1, (uint)own.owner))
-                return false;
-        }
-        before = own;
-    }
-    return true;
-}
-
-static bool occlude_sample(Tile *tile, Run run, float2 window)
-{
+    Run run = tile->runs[sample];
+    float2 window = window_of(tile, sample);
     uint taken[WORDS] = {0u}, visible[WORDS];
     int owner[MASK_BITS];
     for (int bit = 0; bit < MASK_BITS; bit++) owner[bit] = FREE;
@@ -92,7 +75,7 @@ static bool occlude_sample(Tile *tile, Run run, float2 window)
              bit = next_bit(visible, bit + 1, true))
             owner[bit] = (int)(run.start + i);
     }
-    return append_owned_runs(tile, window, owner);
+    return append_owned_runs(tile, sample, owner);
 }
 
 #else
@@ -111,8 +94,10 @@ static bool append_visible_runs(Tile *tile, float2 window, Interval interval, ui
     return true;
 }
 
-static bool occlude_sample(Tile *tile, Run run, float2 window)
+static bool occlude_sample(Tile *tile, int sample)
 {
+    Run run = tile->runs[sample];
+    float2 window = window_of(tile, sample);
     uint taken[WORDS] = {0u}, visible[WORDS];
     for (uint i = 0; i < run.count && !all_taken(taken); i++) {
         Interval interval = tile->sorted[run.start + i];
@@ -137,8 +122,8 @@ static bool append_stretch(Tile *tile, float2 window, float t0, float t1, uint i
     return true;
 }
 
-// Emit the parts of the interval that no stretch has taken, and take them. Stretches are disjoint, in
-// order of time and don't touch; they lie in `begin` and `end`. False when the pool is full.
+// Emit the parts of the interval that no stretch has taken, and take them. Stretches are disjoint,
+// in order of time and don't touch; they lie in `begin` and `end`. False when the pool is full.
 static bool take_stretch(Tile *tile, float2 window, global float *begin, global float *end,
                          int *count, Interval interval, uint index)
 {
@@ -161,8 +146,10 @@ static bool take_stretch(Tile *tile, float2 window, global float *begin, global 
     return true;
 }
 
-static bool occlude_sample(Tile *tile, Run run, float2 window)
+static bool occlude_sample(Tile *tile, int sample)
 {
+    Run run = tile->runs[sample];
+    float2 window = window_of(tile, sample);
     global float *begin = tile->sorting, *end = begin + tile->capacity + LANES;
     int count = 0;
     for (uint i = 0; i < run.count; i++) {
@@ -182,7 +169,7 @@ static bool occlude(Tile *tile)
     tile->span_count = 0;
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
         Run run = {tile->span_count, 0u};
-        if (!occlude_sample(tile, tile->runs[i], window_of(tile, i))) return false;
+        if (!occlude_sample(tile, i)) return false;
         run.count = tile->span_count - run.start;
         tile->span_runs[i] = run;
     }

@@ -156,8 +156,8 @@ static void facing_over_time(const double *d, Shape *shape)
     for (int i = 0; i < 3; i++) shape->facing[i + 1] = i < count ? (float)roots[i] : INFINITY;
 }
 
-// Order of moving vertices by position, at the start and then at the end (Akenine-Möller et al. 2007,
-// 3.3.2): the same for every face at an edge, whatever the order of its vertices.
+// Order of moving vertices by position, at the start and then at the end (Akenine-Möller et al.
+// 2007, 3.3.2): the same for every face at an edge, whatever the order of its vertices.
 static bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
 {
     if (p0.x != q0.x) return p0.x < q0.x;
@@ -168,8 +168,8 @@ static bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
     return p1.z < q1.z;
 }
 
-// Whether the path is smaller than 1e-11 of its place at all times, a hundred-millionth of a pixel: its edge
-// functions would be little but rounding, which might agree.
+// Whether the path is smaller than 1e-11 of its place at all times, a hundred-millionth of a pixel:
+// its edge functions would be little but rounding, which might agree.
 static bool is_nothing(const double3 *q, const Depth *depth)
 {
     double3 most = 0.0;
@@ -213,7 +213,8 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     shape->flags = w_high <= 0.0 ? SHAPE_CULLED : w_low <= 0.0 ? SHAPE_BEHIND : 0u;
     shape->y_min = w_low > 0.0 ? y_min - (float)(MARGIN + blur) : -INFINITY;
     shape->y_max = w_low > 0.0 ? y_max + (float)(MARGIN + blur) : INFINITY;
-    shape->near = (float)fmax(w_low, 0.0) * (1.0f - 1e-6f), shape->far = (float)w_high * (1.0f + 1e-6f);
+    shape->near = (float)fmax(w_low, 0.0) * (1.0f - 1e-6f);
+    shape->far = (float)w_high * (1.0f + 1e-6f);
     shape->scale = (float)exp2(-floor(log2(fmax(w_high, -w_low))));
     shape->planes = blur < INFINITY ? bounding_planes(q, blur, shape) : 0u;
     *depth = depth_over_time(q);

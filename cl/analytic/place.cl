@@ -1,12 +1,12 @@
-// Stage "place": where the samples of a tile lie, and the point of the lens that each looks through,
-// different in every pixel.
+// Stage "place": where the samples of a tile lie, and the point of the lens that each looks
+// through, different in every pixel.
 //
-// The samples of a pixel are a randomized (0, 2)-net, Owen's nested scrambling of the Hammersley points
-// (Owen 1995): of N = 2^k samples each row and each column of an N x N grid holds one. Sample l lies in
-// row l, so the samples of a layer have nearly the same height in every pixel and rows can be walked.
-// Any other number takes the first N points of the scrambled Sobol sequence. Lens points are a net
-// of their own, whose order is shuffled (Burley 2020), mapped to a disc (Shirley & Chiu 1997) or to a
-// polygon of blades.
+// The samples of a pixel are a randomized (0, 2)-net, Owen's nested scrambling of the Hammersley
+// points (Owen 1995): of N = 2^k samples each row and each column of an N x N grid holds one.
+// Sample l lies in row l, so the samples of a layer have nearly the same height in every pixel and
+// rows can be walked. Any other number takes the first N points of the scrambled Sobol sequence.
+// Lens points are a net of their own, whose order is shuffled (Burley 2020), mapped to a disc
+// (Shirley & Chiu 1997) or to a polygon of blades.
 #include "analytic/tile.h"
 
 // A good 32-bit integer mixer (lowbias32, Wellons 2018).
@@ -28,8 +28,8 @@ static inline uint reverse_bits(uint x)
     return (x & 0x55555555u) << 1 | (x >> 1 & 0x55555555u);
 }
 
-// Owen's scrambling of the `count` highest bits: each bit is flipped by a random number that depends on
-// the bits above it. Lower bits become random. `back` undoes it.
+// Owen's scrambling of the `count` highest bits: each bit is flipped by a random number that
+// depends on the bits above it. Lower bits become random. `back` undoes it.
 static uint scramble_bits(uint x, int count, uint seed, bool back)
 {
     uint result = 0u;
@@ -59,7 +59,8 @@ static float2 net_point(uint l, uint seed)
 #if (SAMPLES & (SAMPLES - 1)) == 0
     const int bits = 31 - clz(SAMPLES);
     // Row l of the scrambled net was row j of the Hammersley points.
-    uint j = bits == 0 ? 0u : scramble_bits(l << (31 - bits) << 1, bits, seed, true) >> (31 - bits) >> 1;
+    uint j = 0u;
+    if (bits > 0) j = scramble_bits(l << (31 - bits) << 1, bits, seed, true) >> (31 - bits) >> 1;
     uint across = scramble_bits(reverse_bits(j), bits, seed + 0x9e3779b9u, false);
     uint within = mix_bits(seed ^ mix_bits(l + 0x85ebca6bu));
     return (float2)(unit_float(across), (l + unit_float(within)) * (1.0f / SAMPLES));
@@ -115,8 +116,8 @@ static float2 lens_point(uint l, uint seed)
 
 #endif
 
-// Where in the filter's reach the fraction `u` of its weight lies to the left: a table of the inverse
-// of its cumulative weight. The box filter needs none.
+// Where in the filter's reach the fraction `u` of its weight lies to the left: a table of the
+// inverse of its cumulative weight. The box filter needs none.
 static inline float warp_to_filter(const Tile *tile, float u)
 {
 #ifdef FILTER_TABLE

@@ -1,8 +1,8 @@
-// Stage "shade": the average colour of every visible span (Hong & Oh 2017, 3.2 and 4.4), summed into
-// its pixel.
+// Stage "shade": the average colour of every visible span (Hong & Oh 2017, 3.2 and 4.4), summed
+// into its pixel.
 //
-// Colour is averaged over TEXTURE_SAMPLES places along the visible part; the mip level comes from the
-// longest extent of that part in texels, over the number of samples.
+// Colour is averaged over TEXTURE_SAMPLES places along the visible part; the mip level comes from
+// the longest extent of that part in texels, over the number of samples.
 #include "analytic/shutter.h"
 #ifdef EXACT
 #include "analytic/varying_exact.h"
@@ -169,8 +169,10 @@ static void shade_sample(Tile *tile, int row, int column)
 // Add every span of the piece to its pixel, sample by sample. Always true.
 static bool shade(Tile *tile)
 {
-    for (int row = tile->row_low; row < tile->row_high; row++)
-        for (int column = tile->x_low; row_is_rendered(tile, row) && column < tile->x_high; column++)
+    for (int row = tile->row_low; row < tile->row_high; row++) {
+        if (!row_is_rendered(tile, row)) continue;
+        for (int column = tile->x_low; column < tile->x_high; column++)
             shade_sample(tile, row, column);
+    }
     return true;
 }

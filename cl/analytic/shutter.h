@@ -1,4 +1,5 @@
-// The light that passes the shutter: its curve over time, and the window of a rolling shutter's line.
+// The light that passes the shutter: its curve over time, and the window of a rolling shutter's
+// line.
 #ifndef MB_SHUTTER_H
 #define MB_SHUTTER_H
 

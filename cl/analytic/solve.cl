@@ -1,9 +1,10 @@
-// Stage "solve": when each motion path covers each sample, solved exactly, into per-pixel linked lists.
+// Stage "solve": when each motion path covers each sample, solved exactly, into per-pixel linked
+// lists.
 //
 // The samples that a path may cover are gathered eight at a time, whatever rows they lie in. Where
-// the ends of an edge function have different signs it has exactly one root, which is the usual case
-// and is solved in vectors, or none. All else (two roots in one edge, zeros at an end, paths that
-// reach behind the eye) is solved sample by sample from the same coefficients.
+// the ends of an edge function have different signs it has exactly one root, which is the usual
+// case and is solved in vectors, or none. All else (two roots in one edge, zeros at an end, paths
+// that reach behind the eye) is solved sample by sample from the same coefficients.
 //
 // Paths come in order of least depth, so lists run from near to far.
 #include "analytic/gather.h"

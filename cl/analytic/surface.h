@@ -77,8 +77,10 @@ static void set_side_point(Surface *surface, global const Shape *shape, int s)
     double up = 0.5 * (1.0 + end.z / start.z), down = 0.5 * (1.0 + start.z / end.z);
     float at_p0 = (float)(up * on_start), at_q0 = (float)(up * (1.0 - on_start));
     float at_p1 = (float)(down * on_end), at_q1 = (float)(down * (1.0 - on_end));
-    surface->along[s][0] = reversed ? at_q0 : at_p0, surface->along[s][1] = reversed ? at_p0 : at_q0;
-    surface->along[s][2] = reversed ? at_p1 : at_q1, surface->along[s][3] = reversed ? at_q1 : at_p1;
+    surface->along[s][0] = reversed ? at_q0 : at_p0;
+    surface->along[s][1] = reversed ? at_p0 : at_q0;
+    surface->along[s][2] = reversed ? at_p1 : at_q1;
+    surface->along[s][3] = reversed ? at_q1 : at_p1;
     surface->place[s][0] = (float)(reversed ? 1.0 - on_start : on_start);
     surface->place[s][1] = (float)(reversed ? 1.0 - on_end : on_end);
 }

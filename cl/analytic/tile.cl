@@ -1,13 +1,14 @@
-// The analytic path, tile by tile. Each work-item takes tiles from a queue until it is empty and runs
-// the stages on them in order; its scratch memory stays in cache and is bounded.
+// The analytic path, tile by tile. Each work-item takes tiles from a queue until it is empty and
+// runs the stages on them in order; its scratch memory stays in cache and is bounded.
 //
-//     triangulated: place -> nearest -> rasterize -> intervals -> sort -> occlude -> shade -> resolve
+//     triangulated: place -> nearest -> rasterize -> intervals -> sort -> occlude
+//                   -> shade -> resolve
 //     exact:        place -> nearest -> solve -> envelope -> shade -> resolve, or mask for envelope
 //
 // Stages between nearest and shade exist only where something moves, place only where samples lie
-// differently in every pixel. Nothing is lost when a pool is
-// full: the piece of the tile at hand is done again in halves. Only when a single row of samples
-// does not fit is the tile given back to the host, which has larger pools.
+// differently in every pixel. Nothing is lost when a pool is full: the piece of the tile at hand is
+// done again in halves. Only when a single row of samples does not fit is the tile given back to
+// the host, which has larger pools.
 #include "analytic/tile.h"
 #ifdef PLACED
 #include "analytic/place.cl"
@@ -32,7 +33,8 @@
 #include "analytic/resolve.cl"
 
 // What a work-item counts: ticks of each stage, and pairs that were tested and hit.
-enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, SHADE, RESOLVE, TESTS, HITS,
+enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, SHADE, RESOLVE,
+       TESTS, HITS,
        COUNTERS };
 
 #ifdef HAS_CYCLE_COUNTER
@@ -167,7 +169,8 @@ kernel void tile(
 {
     uint worker = get_global_id(0);
     size_t pool = (size_t)worker * grid.capacity;
-    global uint *per_sample = samples + (size_t)worker * SAMPLE_WORDS * ROWS * TILE; // 8-byte aligned
+    // 8-byte aligned
+    global uint *per_sample = samples + (size_t)worker * SAMPLE_WORDS * ROWS * TILE;
     Scene scene = {
         .vertices = vertices, .paths = paths, .shapes = shapes, .meshes = meshes,
         .materials = materials, .face_colors = face_colors, .vertex_colors = vertex_colors,
@@ -215,8 +218,10 @@ kernel void tile(
         uint index = queue[k];
         tile.x = grid.x + (int)(index % grid.columns) * TILE;
         tile.y = grid.y + (int)(index / grid.columns) * TILE;
-        tile.x_low = max(frame.x - tile.x, 0), tile.x_high = min(frame.x + frame.width - tile.x, TILE);
-        tile.y_low = max(frame.y - tile.y, 0), tile.y_high = min(frame.y + frame.height - tile.y, TILE);
+        tile.x_low = max(frame.x - tile.x, 0);
+        tile.x_high = min(frame.x + frame.width - tile.x, TILE);
+        tile.y_low = max(frame.y - tile.y, 0);
+        tile.y_high = min(frame.y + frame.height - tile.y, TILE);
         tile.members = members + starts[index];
         tile.member_count = starts[index + 1] - starts[index];
         tile.static_count = count_static(&tile);

@@ -2,8 +2,8 @@
 // that belongs to the work-item and is used again for the next tile.
 //
 // A tile's samples form rows: row r = layer * TILE + y, where a layer holds one spatial sample of
-// every pixel. The samples of a row lie in one stripe of the pixels' height, or on a line. A piece is
-// a run of rows whose lists fit into the pools.
+// every pixel. The samples of a row lie in one stripe of the pixels' height, or on a line. A piece
+// is a run of rows whose lists fit into the pools.
 //
 // The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
 // time), MASK_BITS, TEXTURE_SAMPLES, and a macro for each effect that the scene calls for: MOVING,

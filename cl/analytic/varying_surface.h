@@ -32,8 +32,9 @@ static float fragment_weights(const Surface *surface, int face, float x, float y
     float xs[3], ys[3], e[3], sum = 0.0f, t = 0.0f;
     for (int i = 0; i < 3; i++) {
         int c = FACE_CORNERS[face][i];
-        xs[i] = fma(-x, surface->w[c], surface->x[c]) + fma(-x, surface->w_low[c], surface->x_low[c]);
-        ys[i] = fma(-y, surface->w[c], surface->y[c]) + fma(-y, surface->w_low[c], surface->y_low[c]);
+        float w = surface->w[c], w_low = surface->w_low[c];
+        xs[i] = fma(-x, w, surface->x[c]) + fma(-x, w_low, surface->x_low[c]);
+        ys[i] = fma(-y, w, surface->y[c]) + fma(-y, w_low, surface->y_low[c]);
     }
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;

@@ -32,10 +32,12 @@ static int keep_inner_root(double root, bool *negative, double *roots)
 }
 
 // Times strictly inside (0, 1) at which b0 (1-t)^2 + 2 b1 t (1-t) + b2 t^2 changes its sign,
-// ascending; returns how many. *negative gets its sign before the first. A double root is no change.
+// ascending; returns how many. *negative gets its sign before the first. A double root is no
+// change.
 //
 // With r = t / (1-t) the roots are those of b2 r^2 + 2 b1 r + b0: a negative ratio of the ends
-// leaves one positive root, a positive one none or two. Both forms below only add what has one sign.
+// leaves one positive root, a positive one none or two. Both forms below only add what has one
+// sign.
 static int bernstein_quadratic_roots(double b0, double b1, double b2, bool *negative, double *roots)
 {
     double start = b0 != 0.0 ? b0 : b1 != 0.0 ? b1 : b2, end = b2 != 0.0 ? b2 : b1 != 0.0 ? b1 : b0;

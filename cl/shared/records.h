@@ -34,8 +34,8 @@ typedef struct {
     float x_low, x_high, y_low, y_high;
 } Slot;
 
-// A corner of the shutter's curve: time and open fraction, both in [0, 1], and the share of all light
-// that has passed until then.
+// A corner of the shutter's curve: time and open fraction, both in [0, 1], and the share of all
+// light that has passed until then.
 typedef struct {
     float t, open, passed, unused;
 } ShutterKey;
@@ -126,8 +126,8 @@ typedef struct {
 #define SHAPE_REVERSED 32u // likewise: the side's second corner comes first by position
 
 // Depth of a path at any sample and time: w = d(tau) / (x(tau) X + y(tau) Y + w(tau)), Bernstein
-// coefficients over the motion segment. d is the determinant of the three vertices, the rest the sum
-// of the cross products of its edges.
+// coefficients over the motion segment. d is the determinant of the three vertices, the rest the
+// sum of the cross products of its edges.
 typedef struct {
     double d[4];
     double x[3], y[3], w[3];

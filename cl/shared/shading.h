@@ -49,9 +49,9 @@ static float3 texture_at(global const float4 *texels, Texture texture, float2 uv
     return mix(fine, texture_level(texels, texture, above, uv), level - below);
 }
 
-// x^y for 0 < x <= 1 and y >= 0, to 1e-7 of the logarithm and 0 below 2^-40: by the series of artanh
-// for log2 and of exp. Devices' own pow serves all arguments, at ten times the cost, and its tails
-// are denormals, which cost a hundred cycles each.
+// x^y for 0 < x <= 1 and y >= 0, to 1e-7 of the logarithm and 0 below 2^-40: by the series of
+// artanh for log2 and of exp. Devices' own pow serves all arguments, at ten times the cost, and its
+// tails are denormals, which cost a hundred cycles each.
 static inline Lanes lanes_power(Lanes x, float y)
 {
     int16 exponent = convert_int16(as_uint16(x) >> 23) - 127;

@@ -1,8 +1,8 @@
 // Places and weights of all samples of a tile, LAYERS being SAMPLES.
 #include "analytic/place.cl"
 
-kernel void place_tile(global const Slot *slots, global const float *filter, uint seed, int x, int y,
-                       global Place *places, global float *weights)
+kernel void place_tile(global const Slot *slots, global const float *filter, uint seed, int x,
+                       int y, global Place *places, global float *weights)
 {
     Tile tile;
     tile.scene.slots = slots, tile.scene.filter = filter, tile.scene.seed = seed;
