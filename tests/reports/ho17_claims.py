@@ -1,6 +1,6 @@
 """What Hong & Oh 2017 claim, measured here: masks, texture samples, number of cubes, the sort.
 
-    python tests/reports/ho17_claims.py [--accumulation]
+    python tests/reports/ho17_claims.py [--accumulation [--picture FILE.png]]
 
 Prints tables in Markdown. ``--accumulation`` also makes their comparison picture: analytic renders
 beside 3,000 accumulated slices by the tests' float64 twin, which takes minutes.
@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import mbinterval as mb
+from mbinterval.images import write_png
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.generators import fast_cubes, ho17_cubes
 
@@ -88,7 +89,9 @@ def interval_limit() -> None:
         print(f"| {limit} | {rmse(film.rgba, whole.rgba):.1e} | {100 * differ:.2f} % |")
 
 
-def accumulation(slices: int = 3000, width: int = 384, height: int = 288) -> None:
+def accumulation(
+    picture: str | None = None, slices: int = 3000, width: int = 384, height: int = 288
+) -> None:
     """Their figures 13 and 14: analytic beside accumulated slices, at the pixels' centres."""
     sys.path.insert(0, str(HERE.parent))
     from reference.accumulation import render as accumulate
@@ -98,27 +101,40 @@ def accumulation(slices: int = 3000, width: int = 384, height: int = 288) -> Non
     truth = accumulate(exposure, width, height, slices).rgba
     print(f"\n### Against {slices:,} accumulated slices (ho17_cubes, {width} x {height})\n")
     print("| method | RMSE |\n|---|---|")
-    for name, settings in (
-        ("exact", mb.Settings(samples=1)),
-        ("Hong & Oh, 128 bits", ho17()),
-        ("Hong & Oh, exact occlusion", ho17(occlusion="exact")),
-    ):
-        film = mb.render(scene, width=width, height=height, settings=settings)
-        print(f"| {name} | {rmse(film.rgba, truth):.1e} |")
     few = accumulate(exposure, width, height, 64).rgba
-    print(f"| 64 accumulated slices | {rmse(few, truth):.1e} |")
+    images = {
+        name: mb.render(scene, width=width, height=height, settings=settings).rgba
+        for name, settings in (
+            ("exact", mb.Settings(samples=1)),
+            ("Hong & Oh, 128 bits", ho17()),
+            ("Hong & Oh, exact occlusion", ho17(occlusion="exact")),
+        )
+    } | {"64 accumulated slices": few}
+    for name, image in images.items():
+        print(f"| {name} | {rmse(image, truth):.1e} |")
+    if picture is not None:
+        show(picture, [images["exact"], images["Hong & Oh, 128 bits"], truth, few])
+
+
+def show(path: str, four: list[np.ndarray]) -> None:
+    """Write the same part of four images, four times as large, in two rows."""
+    parts = [image[100:196, 130:258, :3] for image in four]
+    whole = np.vstack([np.hstack(parts[:2]), np.hstack(parts[2:])])
+    large = whole.repeat(4, axis=0).repeat(4, axis=1)
+    write_png(path, large, transparent=False, text={})
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--accumulation", action="store_true")
+    parser.add_argument("--picture", help="write the comparison to this PNG")
     options = parser.parse_args()
     masks()
     texture_samples()
     cubes()
     interval_limit()
     if options.accumulation:
-        accumulation()
+        accumulation(options.picture)
 
 
 if __name__ == "__main__":
