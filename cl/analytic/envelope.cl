@@ -127,13 +127,6 @@ static global int *order_by_start(Tile *tile, int count)
     return order;
 }
 
-static inline Front front_of(const Tile *tile, uint path, float t0, float t1)
-{
-    global const Shape *shape = tile->scene.shapes + path;
-    Front front = {t0, t1, shape->near, shape->far, path};
-    return front;
-}
-
 // Stretches of the shutter that are covered, and how deep at most: intervals behind them are
 // hidden.
 typedef struct {
@@ -174,18 +167,20 @@ static int gather_fronts(Tile *tile, int sample, float2 window)
     int count = 0;
 #ifdef STATIC
     if (tile->static_depth[sample] < INFINITY) {
-        tile->fronts[0] = front_of(tile, tile->static_part[sample] >> PART_BITS, window.x,
-                                   window.y);
+        float depth = (float)tile->static_depth[sample];
+        Front always = {window.x, window.y, depth * (1.0f - 1e-6f), depth * (1.0f + 1e-6f),
+                        tile->static_part[sample] >> PART_BITS};
+        tile->fronts[0] = always;
         tile->ordering[count++] = window.x;
         add_cover(&cover, tile->fronts[0]);
     }
 #endif
     for (int node = tile->heads[sample]; node >= 0; node = tile->visits[node].next) {
         Visit visit = tile->visits[node];
-        Front front = front_of(tile, visit.path, visit.t0, visit.t1);
+        Front front = {visit.t0, visit.t1, visit.near, visit.far, visit.path};
         if (is_covered(&cover, front)) {
-            if (cover.t0[0] <= window.x && cover.t1[0] >= window.y && cover.far[0] < front.near)
-                break;
+            bool closed = cover.t0[0] <= window.x && cover.t1[0] >= window.y;
+            if (closed && cover.far[0] < tile->scene.shapes[visit.path].near) break;
             continue;
         }
         if (count == (int)tile->capacity) return -1;

@@ -14,6 +14,8 @@ typedef struct {
     global const Shape *shape;
     bool single_sided;
     double segment, step;           // number of its motion segment; length of one in the shutter
+    double slack;                   // of times that are rounded to float32, in the segment's
+    double w[3], speed[3];          // depth of each vertex at the start, and how it changes
     int block, row, column;         // first row of 16, row within them, next column
     int first[LANES], last[LANES];  // columns of each row
     int waiting;
@@ -48,6 +50,11 @@ static void begin_gather(const Tile *tile, uint path_index, Gather *g)
     g->single_sided = tile->scene.materials[material].flags & MATERIAL_SINGLE_SIDED;
 #endif
     load_moving(tile->scene.vertices, g->path, g->shape->flags, &g->triangle);
+    g->slack = 1e-7 / g->step;
+    for (int i = 0; i < 3; i++) {
+        g->w[i] = g->triangle.w[i];
+        g->speed[i] = g->triangle.w[i + 3] - g->w[i];
+    }
     g->block = -min(LANES, TILE), g->row = LANES, g->column = 0;
 }
 

@@ -11,12 +11,9 @@
 #include "analytic/shutter.h"
 #include "shared/bernstein.h"
 
-// Append when the path covers the sample: [low, high) of its motion segment. A segment ends at the
-// bits at which the next one begins.
-static bool append_visit(Tile *tile, const Gather *g, int sample, double low, double high)
+// Append what the path covers of the sample.
+static inline bool append_visit(Tile *tile, int sample, Visit visit)
 {
-    Visit visit = {(float)((g->segment + low) * g->step), (float)((g->segment + high) * g->step),
-                   g->index, -1};
 #ifdef ROLLING
     float2 window = window_of(tile, sample);
     visit.t0 = fmax(visit.t0, window.x), visit.t1 = fmin(visit.t1, window.y);
@@ -64,6 +61,13 @@ static bool insert_facing(const Gather *g, Place place, Changes *changes)
 #endif
 }
 
+// A time of the path's motion segment in the shutter's [0, 1]. A segment ends at the bits at which
+// the next one begins.
+static inline float shutter_time(const Gather *g, double t)
+{
+    return (float)((g->segment + t) * g->step);
+}
+
 // Solve one sample whatever its case.
 static bool solve_any(Tile *tile, const Gather *g, int sample, Place place)
 {
@@ -85,7 +89,9 @@ static bool solve_any(Tile *tile, const Gather *g, int sample, Place place)
     for (int k = 0; k <= changes.count; k++) {
         double high = k < changes.count ? changes.time[k] : 1.0;
         bool covered = positive == 0 || (positive == back && !g->single_sided);
-        if (covered && low < high && !append_visit(tile, g, sample, low, high)) return false;
+        Visit visit = {shutter_time(g, low), shutter_time(g, high), g->shape->near,
+                       g->shape->far, g->index, -1};
+        if (covered && !append_visit(tile, sample, visit)) return false;
         if (k < changes.count) positive ^= 1 << changes.function[k];
         low = high;
     }
@@ -116,6 +122,32 @@ static inline WideMask cut_ranges(Ranges *r, Wide b0, Wide b1, Wide b2)
     return (b0 == 0.0) | (b2 == 0.0) | two;
 }
 
+// When the path covers each of the samples at hand: t0 < t1 where it does.
+typedef struct {
+    float t0[WIDE], t1[WIDE], near[WIDE], far[WIDE];
+} Covered;
+
+// What is covered in [low, high) of the motion segment, with the depths of the vertices then: what
+// lies between them is no nearer and no farther. Slack, for times are rounded to float32.
+static inline void store_covered(const Gather *g, Wide low, Wide high, Covered *covered)
+{
+    Wide near = INFINITY, far = 0.0, before = low - g->slack, after = high + g->slack;
+    for (int i = 0; i < 3; i++) {
+        Wide start = g->w[i] + before * g->speed[i], end = g->w[i] + after * g->speed[i];
+        near = wide_min(near, wide_min(start, end)), far = wide_max(far, wide_max(start, end));
+    }
+    vstore8(convert_float8((g->segment + low) * g->step), 0, covered->t0);
+    vstore8(convert_float8((g->segment + high) * g->step), 0, covered->t1);
+    vstore8(convert_float8(wide_max(near, 0.0)) * (1.0f - 1e-6f), 0, covered->near);
+    vstore8(convert_float8(far) * (1.0f + 1e-6f), 0, covered->far);
+}
+
+static inline bool append_covered(Tile *tile, const Gather *g, const Covered *c, int i)
+{
+    Visit visit = {c->t0[i], c->t1[i], c->near[i], c->far[i], g->index, -1};
+    return append_visit(tile, g->samples[i], visit);
+}
+
 // Solve the samples at hand. False when the pool is full.
 static bool solve_gathered(Tile *tile, const Gather *g)
 {
@@ -141,20 +173,14 @@ static bool solve_gathered(Tile *tile, const Gather *g)
     for (int i = 0; i < 3; i++) hard |= cut_ranges(&ranges, b[i][0], b[i][1], b[i][2]);
     hard &= ~(front_lost & back_lost);
     long is_hard[WIDE];
-    double front_low[WIDE], front_high[WIDE], back_low[WIDE], back_high[WIDE];
     vstore8(hard, 0, is_hard);
-    vstore8(ranges.front_low, 0, front_low), vstore8(ranges.front_high, 0, front_high);
-    vstore8(ranges.back_low, 0, back_low), vstore8(ranges.back_high, 0, back_high);
+    Covered front, back;
+    store_covered(g, ranges.front_low, ranges.front_high, &front);
+    if (!g->single_sided) store_covered(g, ranges.back_low, ranges.back_high, &back);
     for (int i = 0; i < g->waiting; i++) {
-        bool done = true;
-        if (is_hard[i]) {
-            done = solve_any(tile, g, g->samples[i], gathered_place(g, i));
-        } else {
-            if (front_low[i] < front_high[i])
-                done = append_visit(tile, g, g->samples[i], front_low[i], front_high[i]);
-            if (done && !g->single_sided && back_low[i] < back_high[i])
-                done = append_visit(tile, g, g->samples[i], back_low[i], back_high[i]);
-        }
+        bool done = is_hard[i] ? solve_any(tile, g, g->samples[i], gathered_place(g, i))
+                               : append_covered(tile, g, &front, i)
+                                     && (g->single_sided || append_covered(tile, g, &back, i));
         if (!done) return false;
     }
     tile->hits += min((uint)g->waiting, tile->visit_count - visits_before);

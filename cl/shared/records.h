@@ -133,9 +133,9 @@ typedef struct {
     double x[3], y[3], w[3];
 } Depth;
 
-// A time interval of an exact path: when it covers a sample.
+// A time interval of an exact path: when it covers a sample, and bounds of its depth then.
 typedef struct {
-    float t0, t1;
+    float t0, t1, near, far;
     uint path;
     int next; // next interval of the sample, -1 at the end
 } Visit;

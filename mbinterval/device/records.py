@@ -42,7 +42,9 @@ SHAPE = np.dtype(
     + [("unused", "u4")]
 )
 DEPTH = np.dtype([("d", "f8", 4), ("x", "f8", 3), ("y", "f8", 3), ("w", "f8", 3)])
-VISIT = np.dtype([("t0", "f4"), ("t1", "f4"), ("path", "u4"), ("next", "i4")])
+VISIT = np.dtype(
+    [("t0", "f4"), ("t1", "f4"), ("near", "f4"), ("far", "f4"), ("path", "u4"), ("next", "i4")]
+)
 FRAGMENT = np.dtype([("t", "f4"), ("w", "f4"), ("part", "u4"), ("next", "i4")])
 INTERVAL = np.dtype(
     [("t0", "f4"), ("t1", "f4"), ("w0", "f4"), ("w1", "f4"), ("first", "u4"), ("last", "u4")]
