@@ -1,9 +1,9 @@
 """The analytic path: visibility solved as time intervals.
 
     exact:        paths -> bin -> [place -> nearest -> solve -> envelope (or mask)
-                                   -> shade -> resolve]
+                                   -> shade -> resolve] -> share
     triangulated: paths -> bin -> [place -> nearest -> rasterize -> intervals -> sort -> occlude
-                                   -> shade -> resolve]              (Hong & Oh 2017)
+                                   -> shade -> resolve] -> share     (Hong & Oh 2017)
 
 Each word is a stage: a file in ``cl/analytic``, an entry in the plan, and a key of the timings.
 The bracketed stages run fused, tile by tile, in one kernel (``tile.cl``, ``tiles.py``), so that
@@ -27,7 +27,7 @@ from mbinterval.motion import Motion
 from mbinterval.plan import Plan, shutter_keys
 from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
-from mbinterval.tiles import Work, packed, render_tiles, tile_grid
+from mbinterval.tiles import Work, frame_record, packed, render_tiles, tile_grid
 
 _PATHS_PER_ITEM = 256
 _BIN_CHUNKS = 64
@@ -59,11 +59,15 @@ def render_analytic(
     _run_paths(work, motion)
     listed = _run_bin(work, motion)
     stats = render_tiles(work, listed, progress)
-    height, width = plan.crop[3], plan.crop[2]
+    if "share" in plan.stages:
+        _run_share(work)
+    left, top = plan.crop[0] - plan.region[0], plan.crop[1] - plan.region[1]
+    part = np.s_[top : top + plan.crop[3], left : left + plan.crop[2]]
+    region = plan.region[3], plan.region[2]
     return Pixels(
-        rgba=runtime.download(work.buffers["rgba"], (height, width, 4), np.float32),
-        depth=runtime.download(work.buffers["depth"], (height, width), np.float32),
-        intervals=runtime.download(work.buffers["met"], (height, width), np.uint32),
+        rgba=runtime.download(work.buffers["rgba"], (plan.crop[3], plan.crop[2], 4), np.float32),
+        depth=runtime.download(work.buffers["depth"], region, np.float32)[part],
+        intervals=runtime.download(work.buffers["met"], region, np.uint32)[part],
         timings=work.timings,
         stats=stats,
     )
@@ -85,7 +89,6 @@ def _upload(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) ->
         "cameras": motion.cameras,
         "paths": motion.paths,
         "meshes": motion.meshes,
-        "face_color": motion.face_color,
         "color": motion.color,
         "uv": motion.uv,
         "normal": motion.normal,
@@ -179,6 +182,19 @@ def _run_bin(work: Work, motion: Motion) -> NDArray[np.int64]:
         events.append(runtime.run(file_kernel, chunks, *given, buffers["members"]))
     work.timings["bin"] = sum(seconds(event) for event in events)
     return np.asarray(np.diff(starts.astype(np.int64)))
+
+
+def _run_share(work: Work) -> None:
+    """Stage "share": the film from the values at the centres of the region's pixels."""
+    runtime, plan, background = work.runtime, work.plan, work.exposure.background
+    film = runtime.allocate(16 * plan.crop[2] * plan.crop[3], "rgba")
+    kernel = runtime.kernel("analytic/share.cl", "share", plan.options)
+    frames = [frame_record(part, background) for part in (plan.region, plan.crop)]
+    event = runtime.run(
+        kernel, plan.crop[3], work.buffers["rgba"], *frames, work.buffers["background"], film
+    )
+    work.timings["share"] = seconds(event)
+    work.buffers["rgba"] = film
 
 
 def _sample_reach(plan: Plan) -> tuple[float, ...]:

@@ -98,8 +98,7 @@ def _material_table(materials: Sequence[Material], textures: list[Texture]) -> N
     index = {id(texture): place for place, texture in enumerate(textures)}
     table = np.zeros(len(materials), records.MATERIAL)
     for row, material in zip(table, materials, strict=True):
-        row["base"], row["specular"] = material.base_color, material.specular
-        row["shininess"] = material.shininess
+        row["specular"], row["shininess"] = material.specular, material.shininess
         row["flags"] = (material.shading == "phong") * records.MATERIAL_PHONG + (
             not material.double_sided
         ) * records.MATERIAL_SINGLE_SIDED

@@ -69,12 +69,14 @@ def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     weighted = shape is not None and shape.mass != 1.0
     lobes = f"the {settings.filter} filter has {'' if weighted else 'no '}negative lobes"
     placed = lens or scattered or weighted
+    shared = settings.filter == "five_point"
     where = "each pixel has its own" if placed else "all pixels have the same"
     return (
         Effect("lens", lens, stop, "LENS"),
         Effect("scattered samples", scattered, f"pattern={settings.pattern!r}", "SCATTERED"),
         Effect("weighted samples", weighted, lobes, "WEIGHTED"),
         Effect("samples placed by pixel", placed, where, "PLACED"),
+        Effect("samples shared by pixels", shared, f"filter={settings.filter!r}", "FIVE_POINT"),
     )
 
 
@@ -104,7 +106,6 @@ def _shading(exposure: Exposure, motion: Motion) -> tuple[Effect, ...]:
     phong = [m.name for m in motion.materials if m.shading == "phong"]
     textured = [m.name for m in motion.materials if m.texture is not None]
     colored = [m.mesh.name for m in exposure.meshes if m.color is not None]
-    painted = [m.mesh.name for m in exposure.meshes if m.face_color is not None]
     points = sum(light.kind == "point" for light in exposure.lights)
     lamps = f"{points} point lights" if phong or not points else "nothing reflects them"
     return (
@@ -112,7 +113,6 @@ def _shading(exposure: Exposure, motion: Motion) -> tuple[Effect, ...]:
         Effect("point lights", bool(phong) and points > 0, lamps, "POINT_LIGHTS"),
         Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
         Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
-        Effect("face colour", bool(painted), _named("mesh", painted), "FACE_COLOR"),
     )
 
 

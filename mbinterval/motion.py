@@ -37,8 +37,8 @@ class Motion:
         ``static_paths`` triangles that do not move, then the motion paths, mesh by mesh, segment
         by segment, face by face.
     meshes
-        One record per mesh, which points into ``face_color``, ``color`` (three floats each),
-        ``uv`` (two) and ``normal`` (three).
+        One record per mesh, which points into ``color`` (three floats), ``uv`` (two) and ``normal``
+        (three).
     materials
         The materials that the mesh records name, by index.
     """
@@ -51,7 +51,6 @@ class Motion:
     static_paths: int
     meshes: Record
     materials: tuple[Material, ...]
-    face_color: NDArray[np.float32]
     color: NDArray[np.float32]
     uv: NDArray[np.float32]
     normal: NDArray[np.float32]
@@ -95,7 +94,7 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     )
 
 
-_ATTRIBUTE_SIZES = {"face_color": 3, "color": 3, "uv": 2, "normal": 3}
+_ATTRIBUTE_SIZES = {"color": 3, "uv": 2, "normal": 3}
 
 
 class _Pool:
@@ -119,9 +118,6 @@ def _add_attributes(row: Any, mesh: MeshExposure, pools: dict[str, _Pool]) -> No
         if values is not None:
             row[name] = pools[name].add(values)
             row[f"{name}_step"] = values.shape[1] if len(values) > 1 else 0
-    row["face_color"] = records.NONE
-    if mesh.face_color is not None:
-        row["face_color"] = pools["face_color"].add(mesh.face_color)
 
 
 def _material(mesh: MeshExposure) -> Material:
@@ -151,6 +147,8 @@ def _motion_paths(mesh: MeshExposure, index: int, vertex: int) -> Record:
     paths["step"] = count if mesh.segments else 0
     paths["face"] = np.arange(len(faces))
     paths["mesh"] = index
+    base = np.asarray(_material(mesh).base_color, np.float32)
+    paths["color"] = base if mesh.face_color is None else base * mesh.face_color
     paths["open"] = (np.arange(segments) / segments)[:, None]
     paths["length"] = 1.0 / segments
     return paths.ravel()

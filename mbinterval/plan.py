@@ -40,8 +40,8 @@ class Plan:
         Names of the stages that run, in order; each is a file in ``cl/analytic``.
     options
         Compiler options of the kernels: one ``-D`` for each active effect and each size.
-    crop
-        Column, row, width and height of the film in the frame.
+    crop, region
+        Column, row, width and height, in the frame, of the film, and of what is rendered for it.
     tile, layers
         Edge of a tile in pixels; samples per pixel that a tile works on at a time.
     capacity
@@ -51,6 +51,7 @@ class Plan:
     width: int
     height: int
     crop: Crop
+    region: Crop
     effects: tuple[Effect, ...]
     stages: tuple[str, ...]
     options: tuple[str, ...]
@@ -99,6 +100,7 @@ def make_plan(
         width=width,
         height=height,
         crop=crop,
+        region=_around(crop, width, height) if "FIVE_POINT" in active else crop,
         effects=effects,
         stages=(
             "paths",
@@ -108,6 +110,7 @@ def make_plan(
             *timed,
             "shade",
             "resolve",
+            *(("share",) if "FIVE_POINT" in active else ()),
         ),
         options=tuple(f"-D{name}" for name in sorted(active - {""}))
         + tuple(f"-D{name}={value}" for name, value in sizes.items()),
@@ -116,6 +119,13 @@ def make_plan(
         layers=layers,
         capacity=capacity if timed else 1,
     )
+
+
+def _around(crop: Crop, width: int, height: int) -> Crop:
+    """Grow a part of the frame by a pixel on all sides, as far as there is one."""
+    left, top = max(crop[0] - 1, 0), max(crop[1] - 1, 0)
+    right, bottom = min(crop[0] + crop[2] + 1, width), min(crop[1] + crop[3] + 1, height)
+    return (left, top, right - left, bottom - top)
 
 
 def _sampling_sizes(

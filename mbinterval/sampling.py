@@ -191,6 +191,8 @@ def sample_slots(pattern: str, count: int, shape: PixelFilter | None) -> NDArray
 
 def filter_of(settings: Settings) -> PixelFilter | None:
     """Return the pixel filter that samples are drawn from; None for a box of one pixel."""
+    if settings.filter == "five_point":
+        return None  # samples at the centres, which stage "share" makes averages of
     radius = RADII[settings.filter] if settings.filter_radius is None else settings.filter_radius
     if (settings.filter, radius) == ("box", 0.5):
         return None

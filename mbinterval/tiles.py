@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.errors import CapacityError
-from mbinterval.plan import Plan
+from mbinterval.plan import Crop, Plan
 from mbinterval.scene.exposure import Exposure
 
 _log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ TILE_STAGES = (
 
 _COUNTERS = (*TILE_STAGES, "tests", "hits")
 _ARGUMENTS = (
-    *("vertices", "paths", "shapes", "meshes", "materials", "face_color", "color", "uv", "normal"),
+    *("vertices", "paths", "shapes", "meshes", "materials", "color", "uv", "normal"),
     *("textures", "texels", "lights", "cameras", "slots", "filter", "shutter", "background"),
     *("starts", "members", "queue", "next", "failed", "samples", "pixels", "counters"),
     *("rgba", "depth", "met"),
@@ -61,11 +61,11 @@ class Work:
 
 
 def tile_grid(plan: Plan) -> tuple[int, int, int, int]:
-    """Return the first pixel, and columns and rows, of the tiles that cover the crop.
+    """Return the first pixel, and columns and rows, of the tiles that cover the region.
 
     Tiles lie on multiples of their size in the frame.
     """
-    x, y, width, height = plan.crop
+    x, y, width, height = plan.region
     left, top = x // plan.tile * plan.tile, y // plan.tile * plan.tile
     columns = -(-(x + width - left) // plan.tile)
     return left, top, columns, -(-(y + height - top) // plan.tile)
@@ -103,7 +103,7 @@ def render_tiles(
 def _allocate(work: Work, workers: int) -> None:
     """Buffers of the film, and of the scratch that does not depend on the pools' capacity."""
     _, _, columns, rows = tile_grid(work.plan)
-    width, height = work.plan.crop[2:]
+    width, height = work.plan.region[2:]
     pixels = work.plan.tile**2 * workers
     sizes = {
         "next": 4,
@@ -169,8 +169,7 @@ def _run_part(
     rolling = (roll.start, roll.step, roll.length) if roll else (0.0, 0.0, 1.0)
     counts = len(queue), capacity, buffers["light_count"], buffers["static_paths"]
     grid = packed("iiiiIIIIIfff", left, top, columns, rows, *counts, plan.settings.seed, *rolling)
-    constant = background if isinstance(background, tuple) else (0.0, 0.0, 0.0)
-    frame = packed("iiiifff", *plan.crop, *constant)
+    frame = frame_record(plan.region, background)
     names = (*_ARGUMENTS, *(("depths",) if plan.exact else ()), *_pools(plan))
     kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)
     arguments = [buffers[name] for name in names]
@@ -197,6 +196,12 @@ def _workers_that_fit(work: Work, capacity: int, workers: int) -> int:
             "samples or fewer motion segments"
         )
     return min(workers, int(fit))
+
+
+def frame_record(region: Crop, background: Any) -> NDArray[np.void]:
+    """Return the ``Frame`` of a part of the frame, over a colour or an image ``background``."""
+    constant = background if isinstance(background, tuple) else (0.0, 0.0, 0.0)
+    return packed("iiiifff", *region, *constant)
 
 
 def packed(kinds: str, *values: Any) -> NDArray[np.void]:

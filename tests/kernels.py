@@ -105,9 +105,9 @@ def slots_at(low: np.ndarray, high: np.ndarray | None = None) -> np.ndarray:
 def one_material(flags: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """``Mesh`` and ``Material`` records of one mesh without attributes."""
     mesh, material = np.zeros(1, records.MESH), np.zeros(1, records.MATERIAL)
-    for name in ("uv", "normal", "color", "face_color"):
+    for name in ("uv", "normal", "color"):
         mesh[name] = records.NONE
-    material["base"], material["texture"], material["flags"] = 1.0, records.NONE, flags
+    material["texture"], material["flags"] = records.NONE, flags
     return mesh, material
 
 

@@ -70,7 +70,6 @@ CALLED_FOR = {
     "phong shading": (mesh(material=Material("clay")), "material 'clay'"),
     "texture": (mesh(material=UNLIT_PICTURE, uv=UV), "material 'poster'"),
     "vertex colour": (mesh(**VERTEX_COLOR), "mesh 'flag'"),
-    "face colour": (mesh(**FACE_COLOR), "mesh 'tiles'"),
 }  # fmt: skip
 
 

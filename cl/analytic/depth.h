@@ -27,10 +27,11 @@ static void depth_from_edges(const Tile *tile, uint path_index, Place place, Dep
 static DepthCurve depth_curve(const Tile *tile, uint path_index, Place place)
 {
     DepthCurve curve;
+    global const Depth *depth = tile->scene.depths + path_index;
+    curve.open = depth->open, curve.length = depth->length;
 #ifdef LENS
     depth_from_edges(tile, path_index, place, &curve);
 #else
-    global const Depth *depth = tile->scene.depths + path_index;
     double x = place.x, y = place.y, most = 0.0, terms = 0.0;
     for (int i = 0; i < 4; i++) curve.d[i] = depth->d[i];
     for (int i = 0; i < 3; i++) {
@@ -40,8 +41,6 @@ static DepthCurve depth_curve(const Tile *tile, uint path_index, Place place)
     }
     if (most < CANCELLED * terms) depth_from_edges(tile, path_index, place, &curve);
 #endif
-    curve.open = tile->scene.paths[path_index].open;
-    curve.length = tile->scene.paths[path_index].length;
     return curve;
 }
 

@@ -103,9 +103,10 @@ static Depth depth_over_time(const double3 *q)
     double3 n0 = cross_product(u0, v0), n2 = cross_product(u1, v1);
     double3 n1 = 0.5 * (cross_product(u0, v1) + cross_product(u1, v0));
     Depth depth = {
-        {dot_product(q[0], n0), (dot_product(q[3], n0) + 2.0 * dot_product(q[0], n1)) / 3.0,
-         (2.0 * dot_product(q[3], n1) + dot_product(q[0], n2)) / 3.0, dot_product(q[3], n2)},
-        {n0.x, n1.x, n2.x}, {n0.y, n1.y, n2.y}, {n0.z, n1.z, n2.z}
+        .d = {dot_product(q[0], n0), (dot_product(q[3], n0) + 2.0 * dot_product(q[0], n1)) / 3.0,
+              (2.0 * dot_product(q[3], n1) + dot_product(q[0], n2)) / 3.0,
+              dot_product(q[3], n2)},
+        .x = {n0.x, n1.x, n2.x}, .y = {n0.y, n1.y, n2.y}, .w = {n0.z, n1.z, n2.z}
     };
     return depth;
 }
@@ -252,6 +253,8 @@ kernel void paths(global const Vertex *vertices, global const Path *paths_in, ui
         shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shape, &depth);
         shapes[i] = shape;
 #ifdef EXACT
+        depth.near = shape.near, depth.far = shape.far;
+        depth.open = path.open, depth.length = path.length;
         depths[i] = depth;
 #endif
     }

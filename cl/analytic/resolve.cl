@@ -1,11 +1,6 @@
 // Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and count.
+#include "analytic/film.h"
 #include "analytic/tile.h"
-
-typedef struct {
-    int x, y;           // first pixel of the film in the frame
-    int width, height;
-    float background[3];
-} Frame;
 
 static void resolve(const Tile *tile, Frame frame, global const float *background,
                     global float4 *rgba, global float *depth, global uint *met)
@@ -20,15 +15,11 @@ static void resolve(const Tile *tile, Frame frame, global const float *backgroun
 #ifndef WEIGHTED
             sum.w = fmin(sum.w, 1.0f); // thousands of spans add up to 1, but for rounding
 #endif
-#ifndef TRANSPARENT
-#ifdef BACKGROUND_IMAGE
-            float3 behind = vload3(out, background);
-#else
-            float3 behind = (float3)(frame.background[0], frame.background[1], frame.background[2]);
-#endif
-            sum.xyz += (1.0f - sum.w) * behind;
-#endif
+#ifdef FIVE_POINT // the background comes last
             rgba[out] = sum;
+#else
+            rgba[out] = over_background(sum, out, frame, background);
+#endif
             met[out] = tile->count[pixel];
         }
 }

@@ -14,17 +14,6 @@
 #define VARYING
 #endif
 
-// Colour that is the same everywhere on the face.
-static inline float3 flat_color(const Tile *tile, Path path, Mesh mesh)
-{
-    float3 color = load3(tile->scene.materials[mesh.material].base);
-#ifdef FACE_COLOR
-    if (mesh.face_color != NONE)
-        color *= vload3(mesh.face_color + path.face, tile->scene.face_colors);
-#endif
-    return color;
-}
-
 #ifdef VARYING
 
 // Number of places along a span at which its colour is found: one if nothing can vary.
@@ -121,15 +110,15 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
 
 static float3 span_color(const Tile *tile, Span span, Place place, float2 window)
 {
-    Path path = tile->scene.paths[span_path(tile, span)];
-    Mesh mesh = tile->scene.meshes[path.mesh];
-    float3 color = flat_color(tile, path, mesh);
+    global const Path *path = tile->scene.paths + span_path(tile, span);
+    float3 color = load3(path->color);
 #ifdef VARYING
     Shaded s;
-    s.path = path, s.mesh = mesh, s.material = tile->scene.materials[mesh.material];
-    if (s.material.texture == NONE && !(s.material.flags & MATERIAL_PHONG) && mesh.color == NONE)
-        return color;
-    s.segment = (uint)(path.open / path.length + 0.5f);
+    s.path = *path, s.mesh = tile->scene.meshes[path->mesh];
+    s.material = tile->scene.materials[s.mesh.material];
+    bool flat = s.material.texture == NONE && !(s.material.flags & MATERIAL_PHONG);
+    if (flat && s.mesh.color == NONE) return color;
+    s.segment = (uint)(path->open / path->length + 0.5f);
     s.place = place, s.window = window;
     load_corners(tile, &s);
 #ifdef PHONG
@@ -140,14 +129,20 @@ static float3 span_color(const Tile *tile, Span span, Place place, float2 window
     return color;
 }
 
-// Add one span of a sample to its pixel.
-static void add_span(Tile *tile, int sample, int pixel, Span span)
+// Add the spans of a sample to its pixel: colour with coverage, and depth.
+static void add_spans(Tile *tile, int sample, int pixel, global const Span *spans, uint count)
 {
     Place place = place_of(tile, sample);
-    float weight = span.weight * weight_of(tile, sample);
-    float3 color = span_color(tile, span, place, window_of(tile, sample));
-    tile->color[pixel] += weight * (float4)(color, 1.0f);
-    tile->depth[pixel] += weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
+    float2 window = window_of(tile, sample);
+    float4 color = 0.0f;
+    float depth = 0.0f;
+    for (uint i = 0; i < count; i++) {
+        Span span = spans[i];
+        color += span.weight * (float4)(span_color(tile, span, place, window), 1.0f);
+        depth += span.weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
+    }
+    tile->color[pixel] += weight_of(tile, sample) * color;
+    tile->depth[pixel] += weight_of(tile, sample) * depth;
 }
 
 static void shade_sample(Tile *tile, int row, int column)
@@ -155,13 +150,13 @@ static void shade_sample(Tile *tile, int row, int column)
     int sample = row * TILE + column, pixel = row % TILE * TILE + column;
 #ifdef MOVING
     Run run = tile->span_runs[sample];
-    for (uint i = run.start; i < run.start + run.count; i++)
-        add_span(tile, sample, pixel, tile->spans[i]);
+    add_spans(tile, sample, pixel, tile->spans + run.start, run.count);
     tile->count[pixel] += tile->met[sample];
 #elif defined(STATIC) // an empty scene has neither
     if (!(tile->static_depth[sample] < INFINITY)) return;
     Span always = {0.0f, 1.0f, 1.0f, tile->static_part[sample] >> PART_BITS};
-    add_span(tile, sample, pixel, always);
+    tile->spans[0] = always;
+    add_spans(tile, sample, pixel, tile->spans, 1u);
     tile->count[pixel]++;
 #endif
 }

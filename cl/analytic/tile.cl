@@ -150,7 +150,7 @@ typedef struct {
 
 kernel void tile(
     global const Vertex *vertices, global const Path *paths, global const Shape *shapes,
-    global const Mesh *meshes, global const Material *materials, global const float *face_colors,
+    global const Mesh *meshes, global const Material *materials,
     global const float *vertex_colors, global const float *uvs, global const float *normals,
     global const Texture *textures, global const float4 *texels, global const Light *lights,
     global const Camera *cameras, global const Slot *slots,
@@ -173,7 +173,7 @@ kernel void tile(
     global uint *per_sample = samples + (size_t)worker * SAMPLE_WORDS * ROWS * TILE;
     Scene scene = {
         .vertices = vertices, .paths = paths, .shapes = shapes, .meshes = meshes,
-        .materials = materials, .face_colors = face_colors, .vertex_colors = vertex_colors,
+        .materials = materials, .vertex_colors = vertex_colors,
         .uvs = uvs, .normals = normals, .textures = textures, .texels = texels, .lights = lights,
         .light_count = grid.light_count, .cameras = cameras, .slots = slots,
         .filter = filter, .shutter = shutter,

@@ -18,9 +18,9 @@ static inline uint span_path(const Tile *tile, Span span) { return span.source; 
 static inline float span_depth(const Tile *tile, Span span, Place place, float t)
 {
     DepthCurve curve = depth_curve(tile, span.source, place);
-    global const Shape *shape = tile->scene.shapes + span.source;
+    global const Depth *depth = tile->scene.depths + span.source;
     // At the moment at which a triangle is seen edge-on any depth between its vertices' is right.
-    return fmin(fmax((float)curve_depth(&curve, t), shape->near), shape->far);
+    return fmin(fmax((float)curve_depth(&curve, t), depth->near), depth->far);
 }
 
 static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)

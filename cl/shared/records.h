@@ -48,6 +48,8 @@ typedef struct {
     uint mesh;
     float open;   // time of the segment's start, in the shutter's [0, 1]
     float length; // its duration
+    float color[3]; // of the face: what vertex colours, textures and light multiply
+    uint unused;
 } Path;
 
 // What the mesh of a path says: where its attributes are (NONE where it has none), how many
@@ -57,21 +59,16 @@ typedef struct {
     uint uv, uv_step;
     uint normal, normal_step;
     uint color, color_step;
-    uint face_color;
     uint material;
     uint camera;
-    uint unused;
 } Mesh;
 
 #define NONE 0xffffffffu
 
 typedef struct {
-    float base[3];
-    float shininess;
-    float specular[3];
+    float specular[3], shininess;
     uint flags;    // MATERIAL_*
     uint texture;  // NONE or index
-    uint unused[3];
 } Material;
 
 #define MATERIAL_PHONG 1u
@@ -131,6 +128,9 @@ typedef struct {
 typedef struct {
     double d[4];
     double x[3], y[3], w[3];
+    float near, far;    // the shape's bounds
+    float open, length; // the path's
+    uint unused[2];     // to two cache lines
 } Depth;
 
 // A time interval of an exact path: when it covers a sample, and bounds of its depth then.

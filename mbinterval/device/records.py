@@ -20,15 +20,15 @@ SHUTTER_KEY = np.dtype([(name, "f4") for name in ("t", "open", "passed", "unused
 PATH = np.dtype(
     [("a", "u4"), ("b", "u4"), ("c", "u4"), ("step", "u4")]
     + [("face", "u4"), ("mesh", "u4"), ("open", "f4"), ("length", "f4")]
+    + [("color", "f4", 3), ("unused", "u4")]
 )
 MESH = np.dtype(
     [("vertex", "u4"), ("count", "u4"), ("uv", "u4"), ("uv_step", "u4")]
     + [("normal", "u4"), ("normal_step", "u4"), ("color", "u4"), ("color_step", "u4")]
-    + [("face_color", "u4"), ("material", "u4"), ("camera", "u4"), ("unused", "u4")]
+    + [("material", "u4"), ("camera", "u4")]
 )
 MATERIAL = np.dtype(
-    [("base", "f4", 3), ("shininess", "f4"), ("specular", "f4", 3), ("flags", "u4")]
-    + [("texture", "u4"), ("unused", "u4", 3)]
+    [("specular", "f4", 3), ("shininess", "f4"), ("flags", "u4"), ("texture", "u4")]
 )
 TEXTURE = np.dtype(
     [("texel", "u4"), ("width", "u4"), ("height", "u4"), ("levels", "u4")]
@@ -41,7 +41,10 @@ SHAPE = np.dtype(
     + [("planes", "u4"), ("flags", "u4"), ("scale", "f4"), ("near", "f4"), ("far", "f4")]
     + [("unused", "u4")]
 )
-DEPTH = np.dtype([("d", "f8", 4), ("x", "f8", 3), ("y", "f8", 3), ("w", "f8", 3)])
+DEPTH = np.dtype(
+    [("d", "f8", 4), ("x", "f8", 3), ("y", "f8", 3), ("w", "f8", 3)]
+    + [("near", "f4"), ("far", "f4"), ("open", "f4"), ("length", "f4"), ("unused", "u4", 2)]
+)
 VISIT = np.dtype(
     [("t0", "f4"), ("t1", "f4"), ("near", "f4"), ("far", "f4"), ("path", "u4"), ("next", "i4")]
 )

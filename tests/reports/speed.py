@@ -23,18 +23,23 @@ from mbinterval.scene.generators import ho17_cubes
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "benchmark"
 CLOSED = ("cubes1000", "cubes2000", "sphere82k")
 PUBLISHED = {"paths": "triangulated", "occlusion": 128, "samples": 1}
+SHARED = {"samples": 1, "filter": "five_point"}
 ROWS: tuple[tuple[str, dict[str, object]], ...] = (
     ("wheel", {"samples": 1}),
+    ("wheel", SHARED),
     ("wheel", {"samples": 2}),
     ("wheel", {"samples": 4}),
     ("wheel", PUBLISHED),
     ("cubes1000", {"samples": 1}),
+    ("cubes1000", SHARED),
     ("cubes1000", {"samples": 2}),
     ("cubes1000", {"samples": 4}),
     ("cubes1000", PUBLISHED),
     ("cubes2000", {"samples": 1}),
+    ("cubes2000", SHARED),
     ("cubes2000", {"samples": 2}),
     ("sphere82k", {"samples": 1}),
+    ("sphere82k", SHARED),
     ("ho17_cubes", {"samples": 1}),
     ("ho17_cubes", PUBLISHED),
 )

@@ -1,0 +1,26 @@
+// The part of the frame that is rendered, and what lies behind everything.
+#ifndef MB_FILM_H
+#define MB_FILM_H
+
+typedef struct {
+    int x, y;           // first pixel of the film in the frame
+    int width, height;
+    float background[3];
+} Frame;
+
+// Colour with coverage over the background of the film's pixel `place`, if the film has one.
+static inline float4 over_background(float4 color, size_t place, Frame frame,
+                                     global const float *background)
+{
+#ifndef TRANSPARENT
+#ifdef BACKGROUND_IMAGE
+    float3 behind = vload3(place, background);
+#else
+    float3 behind = (float3)(frame.background[0], frame.background[1], frame.background[2]);
+#endif
+    color.xyz += (1.0f - color.w) * behind;
+#endif
+    return color;
+}
+
+#endif
