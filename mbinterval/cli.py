@@ -127,6 +127,11 @@ def _command(groups: Any, name: str, run: Any, summary: str) -> argparse.Argumen
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("scene", metavar="SCENE", help="scene file, or a model such as a .glb")
+    model = command.add_argument_group("animation of a model (a scene file has these per object)")
+    model.add_argument("--clip", type=_clip, metavar="NAME", help="clip by name or index [first]")
+    model.add_argument(
+        "--fps", type=float, metavar="NUMBER", help="a key at s seconds is at frame s * fps [24]"
+    )
     frame = command.add_argument_group("frame (the scene file gives defaults)")
     frame.add_argument(
         "--frames",
@@ -201,6 +206,10 @@ def _crop(text: str) -> tuple[int, int, int, int]:
     if not (width and height):
         raise UsageError(f"{text!r}: width and height must be 1 or more")
     return x, y, width, height
+
+
+def _clip(text: str) -> str | int:
+    return int(text) if text.isdecimal() else text
 
 
 def _value(text: str) -> str | int | float | None:

@@ -95,7 +95,7 @@ def make_job(arguments: argparse.Namespace) -> Job:
     """Join command line and scene file; the command line wins."""
     from mbinterval.scene.load import load_file
 
-    loaded = load_file(arguments.scene)
+    loaded = load_file(arguments.scene, clip=arguments.clip, fps=arguments.fps)
     given, stored = vars(arguments), loaded.render
     outputs = given.get("output") or stored.output or f"{Path(arguments.scene).stem}.####.exr"
     return Job(

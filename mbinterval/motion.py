@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from mbinterval.appearance import DEFAULT_MATERIAL
 from mbinterval.device import records
 from mbinterval.errors import CapacityError
-from mbinterval.scene.exposure import Exposure, MeshExposure
+from mbinterval.scene.exposure import Exposure
+from mbinterval.scene.mesh_exposure import MeshExposure
 from mbinterval.scene.model import Material
 from mbinterval.scene.poses import CameraPoses
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 COMPONENTS = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
-TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
 class Gltf:
@@ -63,6 +63,15 @@ class Gltf:
         attributes = {"POSITION": position} | primitive.pop("attributes", {})
         return self.mesh({"attributes": attributes, **primitive})
 
+    def skin(self, joints: list[int], inverse_bind: Any = None) -> int:
+        """A skin; inverse bind matrices ``(J, 4, 4)`` have the usual rows and columns."""
+        skin: dict[str, Any] = {"joints": joints}
+        if inverse_bind is not None:
+            columns = np.asarray(inverse_bind, float).transpose(0, 2, 1).reshape(-1, 16)
+            skin["inverseBindMatrices"] = self.accessor(columns)
+        self.json.setdefault("skins", []).append(skin)
+        return len(self.json["skins"]) - 1
+
     def animate(
         self, node: int, path: str, times: Any, values: Any, interpolation: str = "LINEAR"
     ) -> None:
@@ -70,7 +79,7 @@ class Gltf:
         if not clips:
             clips.append({"name": "first", "channels": [], "samplers": []})
         sampler = {
-            "input": self.accessor(times),
+            "input": self.accessor(times, min=[float(min(times))], max=[float(max(times))]),
             "output": self.accessor(values),
             "interpolation": interpolation,
         }

@@ -26,8 +26,8 @@ class FakeApi:
         self.error = None
         self.fail_at = None
 
-    def load_file(self, path):
-        self.path = path
+    def load_file(self, path, **animation):
+        self.path, self.animation = path, animation
         return self.loaded
 
     def render(self, scene, **arguments):
@@ -276,3 +276,9 @@ def test_public_names_are_there_and_others_are_not():
     assert callable(mbinterval.render)
     with pytest.raises(AttributeError, match="no attribute 'rendr'"):
         _ = mbinterval.rendr
+
+
+@pytest.mark.parametrize(("given", "clip"), [("Walk", "Walk"), ("2", 2)])
+def test_clip_and_frames_per_second_of_a_model_are_passed_on(api, given, clip):
+    assert cli.main(["render", "fox.glb", "--clip", given, "--fps", "12.5", "--frames", "1"]) == 0
+    assert api.animation == {"clip": clip, "fps": 12.5}

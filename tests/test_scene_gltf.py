@@ -324,7 +324,7 @@ def test_lights_in_lux_and_candela(tmp_path):
     lights = [
         {"type": "directional", "intensity": np.pi, "color": [1, 0.5, 0]},
         {"type": "point", "intensity": 2 * np.pi},
-        {"type": "spot"},
+        {"type": "spot", "intensity": np.pi},
     ]
     gltf.json["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
     half = np.sqrt(0.5)
@@ -333,11 +333,25 @@ def test_lights_in_lux_and_candela(tmp_path):
         gltf.node(extensions={"KHR_lights_punctual": {"light": index}}, **place)
     gltf.json["scenes"][0]["nodes"] = [0, 1, 2]
     asset = read_gltf(gltf.write(tmp_path / "a.glb"), 24.0)
-    sun, lamp = asset.lights
+    sun, lamp, spot = (light.at(0.0) for light in asset.lights)
     np.testing.assert_allclose(sun.direction, [0, -1, 0], atol=1e-6)
     assert (sun.intensity, sun.color) == (1.0, (1.0, 0.5, 0.0))
     assert (lamp.position, lamp.intensity) == ((1.0, 2.0, 3.0), 2.0)
-    assert asset.notes == ("a.glb: spot lights are left out",)
+    assert (spot.kind, spot.intensity) == ("point", 1.0)
+    assert asset.notes == ("a.glb: spot lights shine to all sides, as point lights",)
+
+
+def test_lights_move_with_their_nodes(tmp_path):
+    gltf = Gltf()
+    gltf.triangle()
+    gltf.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
+    gltf.json["scenes"][0]["nodes"] = [0, 1]
+    gltf.node(mesh=0)
+    gltf.node(extensions={"KHR_lights_punctual": {"light": 0}}, rotation=[0, 0, 1, 0])
+    gltf.animate(1, "translation", [0, 1], [[0, 0, 0], [24, 0, 0]])
+    scene = load(gltf.write(tmp_path / "a.glb"))
+    for frame in (0.0, 6.0, 24.0):
+        assert expose(scene, frame, 1.0).lights[0].position == (frame, 0.0, 0.0)
 
 
 def test_quantized_positions(tmp_path):

@@ -14,12 +14,16 @@ from mbinterval.scene.model import Camera, Light, Mesh
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """Meshes of a file, its camera and lights if it has any, and what had to be assumed."""
+    """Meshes of a file, its camera and lights if it has any, and what had to be assumed.
+
+    ``animation`` is the first and the last frame of the file's keys; None where nothing is keyed.
+    """
 
     meshes: tuple[Mesh, ...]
     camera: Camera | None = None
     lights: tuple[Light, ...] = ()
     notes: tuple[str, ...] = ()
+    animation: tuple[float, float] | None = None
 
 
 @contextmanager

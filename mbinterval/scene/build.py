@@ -15,6 +15,7 @@ from mbinterval.images import read_image
 from mbinterval.scene import generators
 from mbinterval.scene.asset import Asset
 from mbinterval.scene.gltf import read_gltf
+from mbinterval.scene.load import GLTF_SUFFIXES
 from mbinterval.scene.meshes import read_mesh_file
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 from mbinterval.scene.primitives import PRIMITIVES
@@ -28,8 +29,6 @@ from mbinterval.scene.schema import (
 )
 from mbinterval.scene.tracks import Track, Transform, quaternion_product
 from mbinterval.scene.validate import Problem, scene_error
-
-GLTF_SUFFIXES = (".glb", ".gltf")
 
 
 def build_scene(table: SceneTable, file: str) -> Scene:
@@ -72,7 +71,13 @@ def build_scene(table: SceneTable, file: str) -> Scene:
         fps=fps,
         name=table.name or Path(file).stem,
         notes=(*scene.notes, *(note for asset in assets for note in asset.notes), *camera_notes),
+        animation=_animation(assets),
     )
+
+
+def _animation(assets: Sequence[Asset]) -> tuple[float, float] | None:
+    spans = [asset.animation for asset in assets if asset.animation is not None]
+    return (min(span[0] for span in spans), max(span[1] for span in spans)) if spans else None
 
 
 def _background(table: SceneTable, scene: Scene) -> Any:

@@ -7,8 +7,7 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,8 @@ from numpy.typing import NDArray
 from mbinterval.errors import SceneError
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.framing import framing_camera, headlight
-from mbinterval.scene.model import Light, Mesh, Scene, Vector
+from mbinterval.scene.mesh_exposure import MeshExposure, Window, expose_mesh
+from mbinterval.scene.model import Light, Scene, Vector
 from mbinterval.scene.poses import CameraPoses, camera_poses
 
 Float64 = NDArray[np.float64]
@@ -35,35 +35,6 @@ class Roll:
     start: float
     step: float
     length: float
-
-
-@dataclass(frozen=True, eq=False)
-class MeshExposure:
-    """One mesh over the shutter.
-
-    Each array is given at T = ``segments`` + 1 equally spaced times, or at T = 1 where it is
-    constant.
-
-    Attributes
-    ----------
-    segments
-        Linear motion segments K; 0 where neither the mesh nor the camera moves.
-    positions
-        ``(T, N, 3)`` in the world.
-    normals, uv, color
-        World normals, not normalized, ``(T, N, 3)``; ``(T, N, 2)``; per-vertex colour
-        ``(T, N, 3)``. None where absent.
-    face_color
-        ``(F, 3)`` or None.
-    """
-
-    mesh: Mesh
-    segments: int
-    positions: Float64
-    normals: Float64 | None
-    uv: Float64 | None
-    color: Float32 | None
-    face_color: Float32 | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,22 +75,23 @@ def expose(
     if camera is None:
         camera = framing_camera(scene)
         notes.append("no camera: one that frames the scene was made")
-    window = scene.shutter.window(scene.fps, lines)
+    window = Window(frame, *scene.shutter.window(scene.fps, lines))
     meshes = [mesh for mesh in scene.meshes if mesh.visible and len(mesh.faces)]
     wanted = [mesh.motion_segments or (mesh.times - 1) or motion_segments or 1 for mesh in meshes]
     cameras = {
-        count: camera_poses(camera, _frames(window, frame, count), aspect)
+        count: camera_poses(camera, window.frames(np.arange(count + 1) / max(count, 1)), aspect)
         for count in {0, 1, *wanted}
     }
     camera_moves = any(poses.moves for poses in cameras.values())
-    lights = tuple(scene.lights)
+    lights = tuple(light.at(frame) for light in scene.lights)
     if not lights and any(m.material is None or m.material.shading != "unlit" for m in meshes):
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
     exposed = tuple(
-        expose_mesh(mesh, _frames(window, frame, count), camera_moves)
+        expose_mesh(mesh, window, count, camera_moves)
         for mesh, count in zip(meshes, wanted, strict=True)
     )
+    notes += _outside(scene, window)
     _check_scale(exposed, cameras[0].eye[0])
     return Exposure(
         frame=frame,
@@ -158,10 +130,17 @@ def _check_scale(meshes: tuple[MeshExposure, ...], eye: Float64) -> None:
         )
 
 
-def _frames(window: tuple[float, float], frame: float, segments: int) -> Float64:
-    """Times in frames at the ends of the motion segments; the shutter's opening for none."""
-    parts = np.arange(segments + 1) / max(segments, 1)
-    return np.asarray(frame + window[0] + parts * (window[1] - window[0]))
+def _outside(scene: Scene, window: Window) -> list[str]:
+    """Say it where the whole shutter lies before or after the animation."""
+    if scene.animation is None:
+        return []
+    first, last = scene.animation
+    if window.frame + window.close > first and window.frame + window.open < last:
+        return []
+    return [
+        f"frame {window.frame:g} is outside the animation that was read, "
+        f"frames {first:g} to {last:g}"
+    ]
 
 
 def _roll(shutter: Shutter, fps: float, lines: int) -> Roll | None:
@@ -174,73 +153,3 @@ def _roll(shutter: Shutter, fps: float, lines: int) -> Roll | None:
     if shutter.rolling in ("up", "left"):  # the last line comes first
         return Roll(columns, step * (lines - 1), -step, length)
     return Roll(columns, 0.0, step, length)
-
-
-def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure:
-    """Evaluate ``mesh`` at ``frames``, shape (K+1,), in the world.
-
-    A transform that mirrors would turn the front of every face to the back, so the order of the
-    vertices is reversed with it. The sign at the first of ``frames`` decides: a scale that passes
-    through zero within the shutter shows the backs from then on.
-    """
-    count = len(frames)
-    matrices = np.eye(4)[None]
-    if mesh.transform is not None:
-        matrices = np.array([mesh.transform.at(float(frame)) for frame in frames])
-        if not np.isfinite(matrices).all():
-            raise SceneError(f"mesh {mesh.name!r}: its transform is not finite")
-    matrices = _merge_equal(matrices)
-    mirrored = bool(np.linalg.det(matrices[0, :3, :3]) < 0.0)
-    if mirrored:
-        mesh = replace(mesh, faces=mesh.faces[:, ::-1])
-    linear, shift = matrices[:, :3, :3], matrices[:, None, :3, 3]
-    positions = _merge_equal(_at_times(mesh.positions, 3, count) @ linear.mT + shift)
-    if not np.isfinite(positions).all():
-        raise SceneError(f"mesh {mesh.name!r}: its transform takes vertices to infinity")
-    moves = camera_moves or len(positions) > 1
-    normals = uv = color = face_color = None
-    if mesh.normals is not None:
-        # Cofactors transform normals for any matrix, a mirrored or a singular one too.
-        # They point to the side from which vertices run counter-clockwise after the transform.
-        cofactors = np.array([_cofactors(matrix) for matrix in linear])
-        cofactors = -cofactors if mirrored else cofactors
-        normals = _merge_equal(_at_times(mesh.normals, 3, count) @ cofactors.mT)
-    if mesh.uv is not None:
-        uv = _merge_equal(_at_times(mesh.uv, 2, count))
-    if mesh.color is not None and mesh.color_domain == "face":
-        face_color = mesh.color
-    elif mesh.color is not None:
-        color = _merge_equal(_at_times(mesh.color, 3, count)).astype(np.float32)
-    changes = any(a is not None and len(a) > 1 for a in (normals, uv, color))
-    return MeshExposure(
-        mesh=mesh,
-        segments=count - 1 if moves or changes else 0,
-        positions=positions,
-        normals=normals,
-        uv=uv,
-        color=color,
-        face_color=face_color,
-    )
-
-
-def _at_times(values: NDArray[Any], width: int, count: int) -> NDArray[Any]:
-    """``(T, N, width)`` values interpolated to ``count`` times, or ``(1, N, width)``."""
-    if values.ndim == 2:
-        return values[None]
-    given = len(values)
-    if given == count:
-        return values
-    place = np.arange(count) * (given - 1) / (count - 1)
-    key = np.minimum(place.astype(int), given - 2)
-    part = (place - key)[:, None, None]
-    return np.asarray((1.0 - part) * values[key] + part * values[key + 1])
-
-
-def _merge_equal(values: NDArray[Any]) -> NDArray[Any]:
-    """Keep only the first time where all times are equal."""
-    return values[:1] if len(values) > 1 and np.all(values == values[:1]) else values
-
-
-def _cofactors(matrix: Float64) -> Float64:
-    a, b, c = matrix
-    return np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])

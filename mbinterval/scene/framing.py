@@ -8,21 +8,29 @@ from numpy.typing import NDArray
 from mbinterval.errors import SceneError
 from mbinterval.scene.model import Camera, Light, Scene
 
+_LOOKS = 9
+"""Times of the animation at which the framing camera looks."""
+
 
 def framing_camera(scene: Scene) -> Camera:
-    """Make a camera that sees the whole of ``scene`` at its first frame, from front and above."""
+    """Make a camera that sees all that moves in ``scene``, from front and above.
+
+    It looks at nine frames from the animation's first to its last; at frame 0 where nothing says
+    which these are.
+    """
+    first, last = scene.animation or (0.0, 0.0)
+    frames = np.linspace(first, last, _LOOKS) if last > first else np.array([first])
     corners = []
     for mesh in scene.meshes:
         if mesh.visible and len(mesh.faces):
-            points = mesh.positions[..., np.unique(mesh.faces), :].reshape(-1, 3)
-            box = np.array([points.min(axis=0), points.max(axis=0)])
-            corner = np.array(
-                [[box[i, 0], box[j, 1], box[k, 2]] for i, j, k in np.ndindex(2, 2, 2)]
-            )
-            if mesh.transform is not None:
-                matrix = mesh.transform.at(0.0)
-                corner = corner @ matrix[:3, :3].T + matrix[:3, 3]
-            corners.append(corner)
+            used = np.unique(mesh.faces)
+            if mesh.deformer is None:
+                points = _box_corners(mesh.positions[..., used, :])
+            for frame in frames:
+                if mesh.deformer is not None:
+                    points = _box_corners(mesh.deformer.positions(float(frame), used))
+                matrix = np.eye(4) if mesh.transform is None else mesh.transform.at(float(frame))
+                corners.append(points @ matrix[:3, :3].T + matrix[:3, 3])
     if not corners:
         return Camera(position=(0.0, 0.0, 1.0), look_at=(0.0, 0.0, 0.0))
     points = np.concatenate(corners)
@@ -35,6 +43,13 @@ def framing_camera(scene: Scene) -> Camera:
     direction = np.array([0.35, 0.25, 1.0])
     eye = centre + direction / np.linalg.norm(direction) * distance
     return Camera(position=tuple(eye), look_at=tuple(centre), fov=fov, name="framing")
+
+
+def _box_corners(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(8, 3)`` corners of the box around points ``(..., 3)``."""
+    points = points.reshape(-1, 3)
+    box = np.array([points.min(axis=0), points.max(axis=0)])
+    return np.array([[box[i, 0], box[j, 1], box[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
 
 
 def headlight(rotation: NDArray[np.float64]) -> tuple[Light, ...]:

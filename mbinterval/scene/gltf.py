@@ -1,11 +1,12 @@
-"""Reader of glTF 2.0 and GLB: node hierarchy, one animation clip, materials, camera, lights.
+"""Reader of glTF 2.0 and GLB: nodes, one animation clip, skins, morphs, materials, camera, lights.
 
 Texture coordinates are flipped to point up (`Texture`); colour factors and vertex colours are
-linear in the file, texture images are sRGB. Skins and morph targets are left at rest, and said.
+linear in the file, texture images are sRGB.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.asset import Asset, reading
+from mbinterval.scene.deform import MorphedSkin
 from mbinterval.scene.gltf_data import GltfData, item_at
+from mbinterval.scene.gltf_deform import read_morph, read_skin
 from mbinterval.scene.gltf_material import MaterialReader, MaterialUse
 from mbinterval.scene.gltf_nodes import read_clip, walk_nodes
 from mbinterval.scene.model import Camera, Light, Mesh
@@ -65,15 +68,16 @@ class _SceneReader:
         self.notes: list[str] = []
         self.materials = MaterialReader(data, self.notes)
         self.primitives: dict[tuple[int, int], dict[str, Any] | None] = {}
-        self.nodes = walk_nodes(data, read_clip(data, fps, clip, self.notes), root)
+        self.clip = read_clip(data, fps, clip, self.notes)
+        self.nodes = walk_nodes(data, self.clip, root)
 
     def asset(self) -> Asset:
         meshes: list[Mesh] = []
         cameras: list[Camera] = []
         lights: list[Light] = []
-        for node, transform in self.nodes:
+        for index, (node, transform) in self.nodes.items():
             if node.mesh is not None:
-                meshes += self._meshes(node, transform)
+                meshes += self._meshes(index, node, transform)
             if node.camera is not None:
                 cameras += self._camera(node, transform)
             light = ((node.extensions or {}).get("KHR_lights_punctual") or {}).get("light")
@@ -82,7 +86,11 @@ class _SceneReader:
         if len(cameras) > 1:
             self._note(f"camera {cameras[0].name!r} of {', '.join(c.name for c in cameras)}")
         return Asset(
-            tuple(meshes), cameras[0] if cameras else None, tuple(lights), tuple(self.notes)
+            tuple(meshes),
+            cameras[0] if cameras else None,
+            tuple(lights),
+            tuple(self.notes),
+            self.clip.span,
         )
 
     def _note(self, text: str) -> None:
@@ -90,21 +98,37 @@ class _SceneReader:
         if note not in self.notes:
             self.notes.append(note)
 
-    def _meshes(self, node: Any, transform: Transform) -> list[Mesh]:
+    def _meshes(self, index: int, node: Any, transform: Transform) -> list[Mesh]:
         source = item_at(self.data.document.meshes, node.mesh, "mesh")
         name = node.name or source.name or f"mesh {node.mesh}"
-        if node.skin is not None:
-            self._note("skins are left in their rest pose")
         result = []
-        for index in range(len(source.primitives)):
-            key = (node.mesh, index)
+        for number, primitive in enumerate(source.primitives):
+            key = (node.mesh, number)
             if key not in self.primitives:
-                self.primitives[key] = self._primitive(source.primitives[index])
+                self.primitives[key] = self._primitive(primitive)
             arrays = self.primitives[key]
-            if arrays is not None:
-                part = name if len(source.primitives) == 1 else f"{name}.{index}"
-                result.append(Mesh(**arrays, name=part, transform=transform))
+            if arrays is None:
+                continue
+            part = name if len(source.primitives) == 1 else f"{name}.{number}"
+            mesh = Mesh(**arrays, name=part, transform=transform)
+            result.append(self._deformed(mesh, primitive, source, index, node))
         return result
+
+    def _deformed(self, mesh: Mesh, primitive: Any, source: Any, index: int, node: Any) -> Mesh:
+        """``mesh`` with its morph targets and its skin; the joints place a skin, not its node."""
+        morph = skin = None
+        if primitive.targets:
+            weights = self.data.node_weights.get(index) or source.weights
+            track = self.clip.tracks.get((index, "weights"))
+            morph = read_morph(self.data, primitive.targets, mesh, track or weights)
+            if {name[:5] for target in primitive.targets for name in target} & {"TEXCO", "COLOR"}:
+                self._note(f"mesh {mesh.name!r}: texture coordinates and colours are not morphed")
+        if node.skin is not None and primitive.attributes.JOINTS_0 is not None:
+            skin = read_skin(self.data, primitive, node.skin, self.nodes, len(mesh.positions))
+        if morph is None and skin is None:
+            return mesh
+        deformer = MorphedSkin(mesh.positions, mesh.normals, morph, skin)
+        return replace(mesh, deformer=deformer, transform=mesh.transform if skin is None else None)
 
     def _primitive(self, primitive: Any) -> dict[str, Any] | None:
         """Everything of a mesh but its name and its place; None without triangles."""
@@ -114,8 +138,6 @@ class _SceneReader:
         if mode not in (4, 5, 6):
             self._note("points and lines are left out")
             return None
-        if primitive.targets:
-            self._note("morph targets are left at rest")
         if primitive.attributes.POSITION is None:
             return None
         positions = self.data.accessor(primitive.attributes.POSITION)
@@ -162,17 +184,19 @@ class _SceneReader:
         """
         extension = (self.data.document.extensions or {}).get("KHR_lights_punctual") or {}
         source = item_at(extension.get("lights"), index, "light")
-        if source["type"] not in ("directional", "point"):
-            self._note(f"{source['type']} lights are left out")
+        kind = source["type"]
+        if kind == "spot":
+            self._note("spot lights shine to all sides, as point lights")
+            kind = "point"
+        if kind not in ("directional", "point"):
+            self._note(f"{kind} lights are left out")
             return []
-        matrix = transform.at(0.0)
         return [
             Light(
-                kind=source["type"],
+                kind=kind,
                 color=source.get("color", (1.0, 1.0, 1.0)),
                 intensity=source.get("intensity", 1.0) / np.pi,
-                direction=tuple(-matrix[:3, 2]),
-                position=tuple(matrix[:3, 3]),
+                transform=transform,
             )
         ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import json
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,9 @@ class GltfData:
         The JSON part as pygltflib's records.
     path
         The file; what it names is relative to its folder.
+    node_weights
+        Morph weights of those nodes that give their own, by the node's index; pygltflib drops
+        them.
     """
 
     def __init__(self, path: Path) -> None:
@@ -44,10 +48,16 @@ class GltfData:
         data = path.read_bytes()
         if data[:4] == b"glTF":
             self.document: Any = GLTF2.load_from_bytes(data)
+            text = data[20 : 20 + int.from_bytes(data[12:16], "little")].decode()
         else:
-            self.document = GLTF2.from_json(data.decode("utf-8-sig"), infer_missing=True)
+            text = data.decode("utf-8-sig")
+            self.document = GLTF2.from_json(text, infer_missing=True)
         if self.document is None:
             raise SceneError("has no JSON chunk; the file is cut off or not glTF 2.0")
+        nodes = json.loads(text).get("nodes", ())
+        self.node_weights: dict[int, list[float]] = {
+            index: node["weights"] for index, node in enumerate(nodes) if node.get("weights")
+        }
         if not str(self.document.asset.version or "").startswith("2"):
             raise SceneError(f"is glTF {self.document.asset.version!r}; only 2.x can be read")
 

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mbinterval.errors import SceneError
+from mbinterval.checks import number
+from mbinterval.errors import SceneError, UsageError
 from mbinterval.scene.model import Scene
+
+GLTF_SUFFIXES = (".glb", ".gltf")
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,13 @@ class SceneFile:
     render: RenderDefaults = field(default_factory=RenderDefaults)
 
 
-def load(source: str | Path | Mapping[str, Any], base: str | Path | None = None) -> Scene:
+def load(
+    source: str | Path | Mapping[str, Any],
+    base: str | Path | None = None,
+    *,
+    clip: str | int | None = None,
+    fps: float | None = None,
+) -> Scene:
     """Read a scene.
 
     Parameters
@@ -51,17 +60,33 @@ def load(source: str | Path | Mapping[str, Any], base: str | Path | None = None)
     base
         Folder that relative paths in a dict are relative to; default is the current one. In a
         file they are relative to the file.
+    clip
+        Name or index of the animation clip of a glTF model; None is the first.
+    fps
+        Frames per second of an animated model: a key at s seconds is at frame s * fps. None is 24.
 
     Raises
     ------
     SceneError
         With every error of a scene file, each with its path in the file.
+    UsageError
+        For ``clip`` or ``fps`` with a source that has no use for them.
     """
-    return load_file(source, base).scene
+    return load_file(source, base, clip=clip, fps=fps).scene
 
 
-def load_file(source: str | Path | Mapping[str, Any], base: str | Path | None = None) -> SceneFile:
+def load_file(
+    source: str | Path | Mapping[str, Any],
+    base: str | Path | None = None,
+    *,
+    clip: str | int | None = None,
+    fps: float | None = None,
+) -> SceneFile:
     """Read a scene as `load` does, with the settings and render defaults of its file."""
+    if (clip, fps) != (None, None):
+        kind = "" if isinstance(source, Mapping) else Path(source).suffix.lower()
+        if kind not in GLTF_SUFFIXES:
+            raise UsageError("clip and fps go with a glTF model; a scene file has them per object")
     if isinstance(source, Mapping):
         return _from_table(source, Path(base or "."), "scene")
     path = Path(source)
@@ -77,21 +102,27 @@ def load_file(source: str | Path | Mapping[str, Any], base: str | Path | None = 
 
         scene, width, height = read_benchmark(path)
         return SceneFile(scene, render=RenderDefaults(width=width, height=height))
-    return SceneFile(_model_scene(path, kind))
+    return SceneFile(_model_scene(path, kind, clip, fps))
 
 
-def _model_scene(path: Path, kind: str) -> Scene:
-    fps = Scene(meshes=()).fps
-    if kind in (".glb", ".gltf"):
+def _model_scene(path: Path, kind: str, clip: str | int | None, fps: float | None) -> Scene:
+    fps = Scene(meshes=()).fps if fps is None else number(fps, "fps", above=0.0)
+    if kind in GLTF_SUFFIXES:
         from mbinterval.scene.gltf import read_gltf
 
-        asset = read_gltf(path, fps)
+        asset = read_gltf(path, fps, clip)
     else:
         from mbinterval.scene.meshes import read_mesh_file
 
         asset = read_mesh_file(path)
     return Scene(
-        asset.meshes, asset.camera, asset.lights, fps=fps, name=path.stem, notes=asset.notes
+        asset.meshes,
+        asset.camera,
+        asset.lights,
+        fps=fps,
+        name=path.stem,
+        notes=asset.notes,
+        animation=asset.animation,
     )
 
 

@@ -8,7 +8,7 @@ Rec. 709. Keys are in frames. Arrays are copied to contiguous float64 (geometry)
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import InitVar, dataclass, field
+from dataclasses import InitVar, dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from mbinterval.errors import SceneError
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.checks import Vector, check_choice, check_finite, freeze, numbers, vector
+from mbinterval.scene.deform import Deformer
 from mbinterval.scene.tracks import Transform
 
 __all__ = ["Camera", "Light", "Material", "Mesh", "Scene", "Shutter", "Texture", "Vector"]
@@ -94,7 +95,8 @@ class Light:
     """A light without extent: ``"ambient"``, ``"directional"`` or ``"point"``.
 
     ``direction`` is the way that light travels. A point light falls off with the square of the
-    distance: ``color * intensity / distance**2``.
+    distance: ``color * intensity / distance**2``. Both are in the space that ``transform`` maps to
+    the world; a light that moves stands for a whole exposure where it is at the frame.
     """
 
     kind: str
@@ -102,6 +104,7 @@ class Light:
     intensity: float = 1.0
     direction: Vector = (0.0, 0.0, -1.0)
     position: Vector = (0.0, 0.0, 0.0)
+    transform: Transform | None = None
 
     def __post_init__(self) -> None:
         check_choice(self.kind, LIGHT_KINDS, "light: kind")
@@ -116,6 +119,15 @@ class Light:
             direction=direction,
             position=vector(self.position, "light: position"),
         )
+
+    def at(self, frame: float) -> Light:
+        """Return the light in the world at ``frame``."""
+        if self.transform is None:
+            return self
+        matrix = self.transform.at(frame)
+        direction = tuple(matrix[:3, :3] @ self.direction)
+        position = tuple(matrix[:3, :3] @ self.position + matrix[:3, 3])
+        return replace(self, direction=direction, position=position, transform=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +153,9 @@ class Mesh:
         Linear motion segments over the shutter; a multiple of K for positions per time.
     visible
         False leaves the mesh out.
+    deformer
+        Moves the vertices at any frame, as joints and morph targets do; ``positions`` and
+        ``normals`` are then those at rest.
     """
 
     positions: Float64
@@ -154,6 +169,7 @@ class Mesh:
     name: str = ""
     transform: Transform | None = None
     color_domain: str = "auto"
+    deformer: Deformer | None = None
     shading: InitVar[str | None] = None
 
     def __post_init__(self, shading: str | None) -> None:
@@ -181,6 +197,8 @@ class Mesh:
             isinstance(segments, bool) or not isinstance(segments, int) or segments < 1
         ):
             raise SceneError(f"{where}: motion_segments={segments!r}, expected a whole number >= 1")
+        if self.deformer is not None and times > 1:
+            raise SceneError(f"{where}: a deformer and positions per time; give one")
         if segments is not None and times > 1 and segments % (times - 1):
             raise SceneError(
                 f"{where}: motion_segments={segments}, but positions are given for {times - 1} "
@@ -207,7 +225,8 @@ class Scene:
     """Everything that is rendered; it can be evaluated at any frame.
 
     ``background`` is a colour, or an image ``(h, w, 3)``, scene-linear, that fills the frame.
-    ``notes`` are what a reader had to assume; ``mbinterval info`` prints them.
+    ``animation`` is the first and the last frame of the animation that was read, if any; ``notes``
+    are what a reader had to assume; ``mbinterval info`` prints them.
     """
 
     meshes: Sequence[Mesh]
@@ -218,6 +237,7 @@ class Scene:
     fps: float = 24.0
     name: str = ""
     notes: tuple[str, ...] = ()
+    animation: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (("meshes", Mesh), ("lights", Light)):

@@ -5,6 +5,7 @@ Before the first key and after the last one a track holds their values.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,6 +128,21 @@ class Transform:
         local[:3, :3] = quaternion_matrix(_value(self.rotation, frame)) * _value(self.scale, frame)
         local[:3, 3] = _value(self.translation, frame)
         return local if self.matrix is None else local @ self.matrix
+
+
+def matrices_at(nodes: Sequence[Transform], frame: float) -> Float64:
+    """World matrices ``(n, 4, 4)`` of ``nodes`` at ``frame``, shared ancestors evaluated once."""
+    known: dict[int, Float64] = {}
+    for node in nodes:
+        chain = []
+        step: Transform | None = node
+        while step is not None and id(step) not in known:
+            chain.append(step)
+            step = step.parent
+        for item in reversed(chain):
+            local = item._local(frame)
+            known[id(item)] = local if item.parent is None else known[id(item.parent)] @ local
+    return np.array([known[id(node)] for node in nodes]).reshape(-1, 4, 4)
 
 
 def _value(value: Track | tuple[float, ...], frame: float) -> Float64:

@@ -1,0 +1,176 @@
+"""Meshes whose vertices move on their own: morph targets, and skins of joints.
+
+Vertices are evaluated from weights and joints at the very time that is asked for, so that a joint
+turns by its animation's own rule between keys, and no vertex cuts the corner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.errors import SceneError
+from mbinterval.scene.tracks import Track, Transform, matrices_at
+
+Float64 = NDArray[np.float64]
+Index = NDArray[np.integer[Any]] | slice
+
+ALL = slice(None)
+
+
+class Deformer(Protocol):
+    """Shape of a mesh over time, in the space that the mesh's transform maps to the world."""
+
+    def positions(self, frame: float, which: Index = ALL) -> Float64:
+        """Positions ``(n, 3)`` at ``frame`` of all vertices, or of some."""
+
+    def normals(self, frame: float) -> Float64 | None:
+        """Normals ``(N, 3)`` at ``frame``, not normalized; None where the mesh has none."""
+
+    def mirrors(self, frame: float) -> bool:
+        """Whether fronts become backs: a joint's matrix has a negative determinant."""
+
+
+class Joints(Protocol):
+    """Joints of a skeleton over time."""
+
+    def at(self, frame: float) -> Float64:
+        """``(J, 4, 4)`` that take vertices from the bind pose to their place at ``frame``."""
+
+
+@dataclass(frozen=True, eq=False)
+class NodeJoints:
+    """Nodes of a hierarchy as joints: world matrix times inverse bind matrix, ``(J, 4, 4)``."""
+
+    nodes: Sequence[Transform]
+    inverse_bind: Float64
+
+    def at(self, frame: float) -> Float64:
+        """See `Joints`."""
+        return matrices_at(self.nodes, frame) @ self.inverse_bind
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """Linear blend skinning: each vertex moves by the weighted mean of its joints' matrices.
+
+    Attributes
+    ----------
+    joints
+        Matrices of the J joints over time.
+    indices, weights
+        ``(N, I)``: the joints of each vertex, and how much each counts. Weights of a vertex are
+        scaled to a sum of 1; one without any follows its first joint.
+    """
+
+    joints: Joints
+    indices: NDArray[np.int64]
+    weights: Float64
+
+    def __post_init__(self) -> None:
+        weights = np.array(self.weights, dtype=np.float64)
+        total = weights.sum(axis=1, keepdims=True)
+        lost = ~(total[:, 0] > 0.0)
+        weights[lost, 0], total[lost] = 1.0, 1.0
+        used = (weights != 0.0).any(axis=0)  # whole sets of zeros are usual
+        used[0] = True
+        object.__setattr__(self, "weights", (weights / total)[:, used])
+        object.__setattr__(self, "indices", np.asarray(self.indices, np.int64)[:, used])
+
+    def blended(self, frame: float, which: Index = ALL) -> Float64:
+        """``(n, 3, 4)``: what takes each vertex from the bind pose to its place at ``frame``."""
+        matrices = self.joints.at(frame)[:, :3].reshape(-1, 12)
+        if not np.isfinite(matrices).all():
+            raise SceneError("a joint of its skin has a transform that is not finite")
+        indices, weights = self.indices[which], self.weights[which]
+        mean = weights[:, :1] * matrices[indices[:, 0]]
+        for column in range(1, weights.shape[1]):
+            mean += weights[:, column, None] * matrices[indices[:, column]]
+        return np.asarray(mean.reshape(-1, 3, 4))
+
+
+@dataclass(frozen=True, eq=False)
+class Morph:
+    """Morph targets: weighted differences are added to the mesh at rest.
+
+    Attributes
+    ----------
+    positions, normals
+        ``(M, N, 3)`` differences of the M targets; normals may be None.
+    weights
+        ``(M,)`` constant, or a track of them.
+    """
+
+    positions: Float64
+    normals: Float64 | None
+    weights: Track | Float64
+
+    def __post_init__(self) -> None:
+        given = self.weights
+        if isinstance(given, Track):
+            given = given.values[0, 1] if given.interpolation == "cubic" else given.values[0]
+        if np.shape(given) != (len(self.positions),):
+            raise SceneError(
+                f"{np.size(given)} morph weights for {len(self.positions)} targets; "
+                "give one for each target"
+            )
+
+    def added(self, base: Float64, targets: Float64, frame: float, which: Index = ALL) -> Float64:
+        """``base`` ``(n, 3)`` and the weighted ``targets`` ``(M, N, 3)`` of these vertices."""
+        weights = self.weights.at(frame) if isinstance(self.weights, Track) else self.weights
+        result = base
+        for target in np.flatnonzero(weights):
+            result = result + weights[target] * targets[target][which]
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class MorphedSkin:
+    """A mesh at rest, ``(N, 3)``, its morph targets, and then its skin; either may be missing."""
+
+    rest: Float64
+    rest_normals: Float64 | None = None
+    morph: Morph | None = None
+    skin: Skin | None = None
+
+    def positions(self, frame: float, which: Index = ALL) -> Float64:
+        """See `Deformer`."""
+        points = self.rest[which]
+        if self.morph is not None:
+            points = self.morph.added(points, self.morph.positions, frame, which)
+        if self.skin is None:
+            return points
+        blended = self.skin.blended(frame, which)
+        return _transformed(blended[:, :, :3], points) + blended[:, :, 3]
+
+    def normals(self, frame: float) -> Float64 | None:
+        """See `Deformer`; by cofactors, which are right for every matrix."""
+        normals = self.rest_normals
+        if normals is None:
+            return None
+        if self.morph is not None and self.morph.normals is not None:
+            normals = self.morph.added(normals, self.morph.normals, frame)
+        if self.skin is None:
+            return normals
+        turned = _transformed(cofactors(self.skin.blended(frame)[:, :, :3]), normals)
+        return -turned if self.mirrors(frame) else turned
+
+    def mirrors(self, frame: float) -> bool:
+        """See `Deformer`; the first joint decides."""
+        if self.skin is None:
+            return False
+        return bool(np.linalg.det(self.skin.joints.at(frame)[0, :3, :3]) < 0.0)
+
+
+def _transformed(matrices: Float64, vectors: Float64) -> Float64:
+    return np.asarray(np.einsum("nij,nj->ni", matrices, vectors))
+
+
+def cofactors(matrices: NDArray[Any]) -> Float64:
+    """Cofactors of ``(..., 3, 3)``: what surface normals are transformed by."""
+    a, b, c = (matrices[..., row, :] for row in range(3))
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)

@@ -1,0 +1,152 @@
+"""One mesh at times of the shutter: positions and attributes in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.errors import SceneError
+from mbinterval.scene.deform import ALL, Index, cofactors
+from mbinterval.scene.model import Mesh
+
+Float64 = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Window:
+    """The shutter on the time line: ``frame``, and ``open`` and ``close`` relative to it."""
+
+    frame: float
+    open: float
+    close: float
+
+    def frames(self, times: Float64) -> Float64:
+        """Frames of ``times`` of the shutter, 0 where it opens and 1 where it closes."""
+        return np.asarray(self.frame + self.open + times * (self.close - self.open))
+
+
+@dataclass(frozen=True, eq=False)
+class MeshExposure:
+    """One mesh over the shutter.
+
+    Each array is given at T = ``segments`` + 1 equally spaced times, or at T = 1 where it is
+    constant.
+
+    Attributes
+    ----------
+    segments
+        Linear motion segments K; 0 where neither the mesh nor the camera moves.
+    positions
+        ``(T, N, 3)`` in the world.
+    normals, uv, color
+        World normals, not normalized, ``(T, N, 3)``; ``(T, N, 2)``; per-vertex colour
+        ``(T, N, 3)``. None where absent.
+    face_color
+        ``(F, 3)`` or None.
+    """
+
+    mesh: Mesh
+    segments: int
+    positions: Float64
+    normals: Float64 | None
+    uv: Float64 | None
+    color: Float32 | None
+    face_color: Float32 | None
+
+
+def expose_mesh(mesh: Mesh, window: Window, segments: int, camera_moves: bool) -> MeshExposure:
+    """Evaluate ``mesh`` at the ends of ``segments`` equal parts of ``window``, in the world.
+
+    A transform that mirrors would turn the front of every face to the back, so the order of the
+    vertices is reversed with it. The sign at the first time decides: a scale that passes through
+    zero within the shutter shows the backs from then on.
+    """
+    times = np.arange(segments + 1) / segments
+    frames = window.frames(times)
+    matrices = _matrices(mesh, frames)
+    mirrored = bool(np.linalg.det(matrices[0, :3, :3]) < 0.0)
+    inside_out = mesh.deformer is not None and mesh.deformer.mirrors(float(frames[0]))
+    if mirrored != inside_out:
+        mesh = replace(mesh, faces=mesh.faces[:, ::-1])
+    positions = _merge_equal(world_positions(mesh, window, times))
+    normals = uv = color = face_color = None
+    if mesh.normals is not None:
+        normals = _merge_equal(_world_normals(mesh, frames, times, matrices))
+    if mesh.uv is not None:
+        uv = _merge_equal(_at_times(mesh.uv, times))
+    if mesh.color is not None and mesh.color_domain == "face":
+        face_color = mesh.color
+    elif mesh.color is not None:
+        color = _merge_equal(_at_times(mesh.color, times)).astype(np.float32)
+    changes = any(a is not None and len(a) > 1 for a in (positions, normals, uv, color))
+    return MeshExposure(
+        mesh=mesh,
+        segments=segments if camera_moves or changes else 0,
+        positions=positions,
+        normals=normals,
+        uv=uv,
+        color=color,
+        face_color=face_color,
+    )
+
+
+def world_positions(mesh: Mesh, window: Window, times: Float64, which: Index = ALL) -> Float64:
+    """World positions of all vertices, or of some, at ``times`` (T,): ``(T, n, 3)``.
+
+    One time stands for all where nothing but positions per time could move them, and they don't.
+    """
+    frames = window.frames(times)
+    matrices = _matrices(mesh, frames)
+    if mesh.deformer is None:
+        points = _at_times(mesh.positions[..., which, :], times)
+    else:
+        points = np.array([mesh.deformer.positions(float(frame), which) for frame in frames])
+    positions = points @ matrices[:, :3, :3].mT + matrices[:, None, :3, 3]
+    if not np.isfinite(positions).all():
+        raise SceneError(f"mesh {mesh.name!r}: its transform takes vertices to infinity")
+    return np.asarray(positions)
+
+
+def _matrices(mesh: Mesh, frames: Float64) -> Float64:
+    """World matrices ``(T, 4, 4)``, or ``(1, 4, 4)`` where they are equal."""
+    if mesh.transform is None:
+        return np.eye(4)[None]
+    matrices = np.array([mesh.transform.at(float(frame)) for frame in frames])
+    if not np.isfinite(matrices).all():
+        raise SceneError(f"mesh {mesh.name!r}: its transform is not finite")
+    return _merge_equal(matrices)
+
+
+def _world_normals(mesh: Mesh, frames: Float64, times: Float64, matrices: Float64) -> Float64:
+    """Normals on the side from which vertices run counter-clockwise after the transform.
+
+    Cofactors transform normals for any matrix, a mirrored or a singular one too.
+    """
+    if mesh.deformer is not None:
+        given = [mesh.deformer.normals(float(frame)) for frame in frames]
+        normals = np.array([mesh.normals if value is None else value for value in given])
+    else:
+        normals = _at_times(np.asarray(mesh.normals), times)
+    sign = -1.0 if np.linalg.det(matrices[0, :3, :3]) < 0.0 else 1.0
+    return np.asarray(normals @ (sign * cofactors(matrices[:, :3, :3])).mT)
+
+
+def _at_times(values: NDArray[Any], times: Float64) -> NDArray[Any]:
+    """Values ``(G, N, width)`` at equally spaced times, at ``times`` (T,); one time if constant."""
+    if values.ndim == 2:
+        return values[None]
+    place = times * (len(values) - 1)
+    whole = np.rint(place)
+    place = np.where(np.abs(place - whole) < 1e-9, whole, place)
+    key = np.minimum(place.astype(int), len(values) - 2)
+    part = (place - key)[:, None, None]
+    return np.asarray((1.0 - part) * values[key] + part * values[key + 1])
+
+
+def _merge_equal(values: NDArray[Any]) -> NDArray[Any]:
+    """Keep only the first time where all times are equal."""
+    return values[:1] if len(values) > 1 and np.all(values == values[:1]) else values
