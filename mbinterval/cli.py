@@ -14,7 +14,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from mbinterval import __version__, commands
-from mbinterval.errors import CapacityError, MbintervalError, UsageError
+from mbinterval.errors import CapacityError, MbintervalError, SceneError, UsageError
 from mbinterval.frames import parse_frames
 from mbinterval.settings import Settings
 
@@ -50,7 +50,9 @@ _SETTING_HELP = {
     "filter": "pixel filter",
     "filter_radius": "radius of the pixel filter in pixels",
     "texture_samples": "shading evaluations along each visible span",
-    "motion_segments": "linear motion segments per shutter, for meshes that state none",
+    "motion_segments": "linear motion segments per shutter, for meshes that state none; "
+    "'none' chooses them by --motion-error",
+    "motion_error": "greatest path error of chosen motion segments, in pixels",
     "seed": "seed of every pseudo-random choice",
     "transparent": "leave the background out; PNG gets an alpha channel",
     "tile_size": "edge of a tile in pixels; it changes speed, never the image",
@@ -146,6 +148,20 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
         metavar="PIXELS",
         help="with only one of --width and --height the shape is kept",
     )
+    shutter = frame.add_mutually_exclusive_group()
+    shutter.add_argument(
+        "--shutter",
+        type=_argument(_shutter),
+        metavar="OPEN,CLOSE",
+        help="in frames relative to the frame; write --shutter=-0.25,0.25 for negative ones",
+    )
+    shutter.add_argument(
+        "--shutter-angle",
+        type=_argument(_shutter_angle),
+        dest="shutter",
+        metavar="DEGREES[,PLACE]",
+        help="open for DEGREES/360 of a frame; PLACE, centre, start or end, is on the frame",
+    )
     frame.add_argument(
         "--crop",
         type=_argument(_crop),
@@ -196,6 +212,29 @@ def _pixels(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 65536:
         raise UsageError(f"{text!r} is not a whole number from 1 to 65536")
     return int(text)
+
+
+def _shutter(text: str) -> tuple[float, float]:
+    try:
+        low, high = map(float, text.split(","))
+    except ValueError:
+        raise UsageError(f"{text!r} is not OPEN,CLOSE, two numbers") from None
+    if not low < high:
+        raise UsageError(f"{text!r}: the shutter must open before it closes")
+    return low, high
+
+
+def _shutter_angle(text: str) -> tuple[float, float]:
+    from mbinterval.scene.camera import Shutter
+
+    angle, _, place = text.partition(",")
+    try:
+        shutter = Shutter.from_angle(float(angle), place or "centre")
+    except (ValueError, SceneError):
+        raise UsageError(
+            f"{text!r} is not degrees above 0, or these and centre, start or end, as in 180,start"
+        ) from None
+    return shutter.open, shutter.close
 
 
 def _crop(text: str) -> tuple[int, int, int, int]:

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +99,7 @@ def make_job(arguments: argparse.Namespace) -> Job:
     given, stored = vars(arguments), loaded.render
     outputs = given.get("output") or stored.output or f"{Path(arguments.scene).stem}.####.exr"
     return Job(
-        scene=loaded.scene,
+        scene=_scene(loaded.scene, arguments.shutter),
         frames=tuple(arguments.frames or _frames(arguments.scene, stored.frames or "1")),
         resolution=_resolution(arguments.width, arguments.height, stored.width, stored.height),
         crop=arguments.crop,
@@ -107,6 +107,14 @@ def make_job(arguments: argparse.Namespace) -> Job:
         outputs=_outputs(outputs),
         device=arguments.device,
     )
+
+
+def _scene(scene: Any, shutter: tuple[float, float] | None) -> Any:
+    """``scene`` with the shutter of the command line, if any: open and close."""
+    if shutter is None:
+        return scene
+    opened = replace(scene.shutter, open=shutter[0], close=shutter[1])
+    return replace(scene, shutter=opened)
 
 
 def output_paths(outputs: Sequence[str], frames: Sequence[int]) -> dict[int, list[Path]]:

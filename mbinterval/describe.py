@@ -19,7 +19,15 @@ def describe(
 ) -> str:
     """Describe the plan of ``frame`` in lines for people: effects, reasons, stages, sizes."""
     rolled = roll_lines(scene, width, height)
-    exposure = expose(scene, frame, width / height, settings.motion_segments, rolled)
+    exposure = expose(
+        scene,
+        frame,
+        width / height,
+        settings.motion_segments,
+        rolled,
+        settings.motion_error,
+        height,
+    )
     motion = lay_out(exposure, width, height)
     plan = make_plan(exposure, motion, settings, width, height, check_crop(crop, width, height))
     lines = [f"frame {frame:g}, {width} x {height} pixels, {settings.samples} samples per pixel"]
@@ -41,6 +49,10 @@ def _mesh_lines(exposure: Exposure) -> list[str]:
     for mesh in exposure.meshes[:20]:
         plural = "s" if mesh.segments > 1 else ""
         motion = f"{mesh.segments} motion segment{plural}" if mesh.segments else "static"
+        if (mesh.open, mesh.close) != (0.0, 1.0):
+            motion += f" from {mesh.open:.4g} to {mesh.close:.4g} of the shutter"
+        if mesh.segments and mesh.reason:
+            motion += f": {mesh.reason}"
         lines.append(f"  {mesh.mesh.name or '(unnamed)'}: {len(mesh.mesh.faces)} faces, {motion}")
     if len(exposure.meshes) > 20:
         lines.append(f"  and {len(exposure.meshes) - 20} more")

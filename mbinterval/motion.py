@@ -69,7 +69,7 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     jobs, paths = [], []
     first = vertex = 0
     for index, mesh in enumerate(meshes):
-        row, camera = table[index], camera_index[mesh.segments]
+        row, camera = table[index], camera_index[id(mesh.poses)] if mesh.segments else 0
         row["vertex"], row["count"] = vertex, mesh.positions.shape[1]
         row["camera"], row["material"] = camera, material_index[id(_material(mesh))]
         _add_attributes(row, mesh, pools)
@@ -151,19 +151,20 @@ def _motion_paths(mesh: MeshExposure, index: int, vertex: int) -> Record:
     paths["mesh"] = index
     base = np.asarray(_material(mesh).base_color, np.float32)
     paths["color"] = base if mesh.face_color is None else base * mesh.face_color
-    paths["open"] = (np.arange(segments) / segments)[:, None]
-    paths["length"] = 1.0 / segments
+    ends = mesh.open + (mesh.close - mesh.open) * (np.arange(segments + 1) / segments)
+    paths["open"], paths["close"] = ends[:-1, None], ends[1:, None]
     return paths.ravel()
 
 
 def _camera_table(exposure: Exposure, width: int, height: int) -> tuple[Record, dict[int, int]]:
-    """Poses for every number of segments, and where each number's poses begin.
+    """The camera at all times that meshes ask for, and where the poses of each begin, by identity.
 
-    The first record is the camera at the shutter's opening, for nothing has 0 segments.
+    The first record is the camera at the shutter's opening, for what does not move.
     """
-    tables, index, count = [], {}, 0
-    for segments, poses in sorted(exposure.cameras.items()):
-        index[segments] = count
+    asked = {id(poses): poses for poses in (mesh.poses for mesh in exposure.meshes)}
+    tables, index, count = [_camera_records(exposure, exposure.cameras[0], width, height)], {}, 1
+    for key, poses in asked.items():
+        index[key] = count
         tables.append(_camera_records(exposure, poses, width, height))
         count += len(tables[-1])
     return np.concatenate(tables), index

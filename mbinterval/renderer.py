@@ -63,7 +63,15 @@ def render(
     region = check_crop(crop, width, height)
     started = time.perf_counter()
     lines = roll_lines(scene, width, height)
-    exposure = expose(scene, frame, width / height, settings.motion_segments, lines)
+    exposure = expose(
+        scene,
+        frame,
+        width / height,
+        settings.motion_segments,
+        lines,
+        settings.motion_error,
+        height,
+    )
     motion = lay_out(exposure, width, height)
     plan = make_plan(exposure, motion, settings, width, height, region)
     exposed = time.perf_counter() - started

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from mbinterval.checks import number
 from mbinterval.errors import UsageError
 
 OCCLUSIONS = ("exact", 32, 64, 128, 256, 512, 1024)
@@ -62,7 +63,11 @@ class Settings:
     texture_samples
         Shading evaluations along each visible span, 1 to 1024 (Hong & Oh 2017, 4.4).
     motion_segments
-        Linear motion segments per shutter for each mesh that does not state its own; None is 1.
+        Linear motion segments per shutter for each mesh that does not state its own; None gives
+        each as many as ``motion_error`` asks for, up to 128.
+    motion_error
+        How far from their true place, in pixels, the linear motion of segments may take points
+        of a mesh; without effect where ``motion_segments`` are given.
     seed
         Seed of every pseudo-random choice.
     transparent
@@ -83,6 +88,7 @@ class Settings:
     filter_radius: float | None = None
     texture_samples: int = 16
     motion_segments: int | None = None
+    motion_error: float = 0.1
     seed: int = 0
     transparent: bool = False
     tile_size: int = 16
@@ -101,6 +107,7 @@ class Settings:
             _check_range("max_intervals", self.max_intervals, 1, 2**20)
         if self.motion_segments is not None:
             _check_range("motion_segments", self.motion_segments, 1, 4096)
+        number(self.motion_error, "motion_error", above=0.0)
         if self.tile_size not in (8, 16, 32):
             raise UsageError(f"tile_size={self.tile_size!r}: expected 8, 16 or 32")
         if self.filter_radius is not None and not 0.0 < self.filter_radius <= 8.0:

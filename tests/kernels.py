@@ -90,7 +90,7 @@ def paths_of_points(points: np.ndarray, segments: int = 1) -> tuple[np.ndarray, 
         table[name] = 6 * np.arange(count) + corner
     table["step"] = 3
     table["open"] = (np.arange(count) % segments) / segments
-    table["length"] = 1.0 / segments
+    table["close"] = (np.arange(count) % segments + 1) / segments
     return vertices_of(points), table
 
 

@@ -14,8 +14,9 @@ from mbinterval.errors import SceneError, UsageError
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.gltf import read_gltf
 from mbinterval.scene.load import load
-from mbinterval.scene.mesh_exposure import Window, world_positions
+from mbinterval.scene.mesh_exposure import world_positions
 from mbinterval.scene.model import Scene, Shutter
+from mbinterval.scene.shutter_times import Window
 from mbinterval.scene.tracks import Transform
 
 FOX = Path(__file__).parents[1] / "scenes" / "assets" / "Fox.glb"

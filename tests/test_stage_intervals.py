@@ -35,7 +35,8 @@ def paired(
             nodes.append((t, w, path << 4 | face, heads[sample]))
             heads[sample] = len(nodes) - 1
     paths, shapes = np.zeros(16, records.PATH), np.zeros(16, records.SHAPE)
-    paths["length"], paths["open"] = 1.0 / segments, (np.arange(16) % segments) / segments
+    place = np.arange(16) % segments
+    paths["open"], paths["close"] = place / segments, (place + 1) / segments
     shapes["facing"] = [1.0, np.inf, np.inf, np.inf]
     for path, values in (facing or {}).items():
         shapes["facing"][path, : len(values)] = values

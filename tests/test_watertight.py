@@ -47,8 +47,9 @@ def paths_of_faces(faces: np.ndarray, vertices: int, segments: int = 1) -> np.nd
     paths = np.zeros((segments, len(faces)), records.PATH)
     for name, column in zip("abc", faces.T, strict=True):
         paths[name] = column
-    paths["step"], paths["length"] = vertices, 1.0 / segments
-    paths["open"] = (np.arange(segments) / segments)[:, None]
+    paths["step"] = vertices
+    ends = np.arange(segments + 1)[:, None] / segments
+    paths["open"], paths["close"] = ends[:-1], ends[1:]
     return paths.ravel()
 
 

@@ -135,7 +135,7 @@ static void load_view(const Tile *tile, Shaded *s)
 static Lanes3 reflect_light(const Tile *tile, const Shaded *s, const Attributes *a, Lanes3 color,
                             Lanes t, Lanes w)
 {
-    Lanes tau = (t - s->path.open) * (1.0f / s->path.length);
+    Lanes tau = (t - s->path.open) * (1.0f / path_length(s->path));
     Lanes3 ray = {s->ray[0].x, s->ray[0].y, s->ray[0].z};
     Lanes3 position = {s->eye[0].x, s->eye[0].y, s->eye[0].z};
     w = lanes_min(lanes_max(w, 1e-30f), 1e30f); // no infinity, and not in the eye

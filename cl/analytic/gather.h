@@ -13,7 +13,7 @@ typedef struct {
     uint index;
     global const Shape *shape;
     bool single_sided;
-    double segment, step;           // number of its motion segment; length of one in the shutter
+    double open, length;            // of its motion segment, in the shutter
     double slack;                   // of times that are rounded to float32, in the segment's
     double w[3], speed[3];          // depth of each vertex at the start, and how it changes
     int block, row, column;         // first row of 16, row within them, next column
@@ -42,15 +42,14 @@ static void begin_gather(const Tile *tile, uint path_index, Gather *g)
     g->index = path_index;
     g->path = tile->scene.paths[path_index];
     g->shape = tile->scene.shapes + path_index;
-    g->step = 1.0 / rint(1.0 / g->path.length);
-    g->segment = rint(g->path.open / g->step);
+    g->open = g->path.open, g->length = (double)g->path.close - g->path.open;
     g->single_sided = false;
 #ifdef SINGLE_SIDED
     uint material = tile->scene.meshes[g->path.mesh].material;
     g->single_sided = tile->scene.materials[material].flags & MATERIAL_SINGLE_SIDED;
 #endif
     load_moving(tile->scene.vertices, g->path, g->shape->flags, &g->triangle);
-    g->slack = 1e-7 / g->step;
+    g->slack = 1e-7 / g->length;
     for (int i = 0; i < 3; i++) {
         g->w[i] = g->triangle.w[i];
         g->speed[i] = g->triangle.w[i + 3] - g->w[i];

@@ -43,7 +43,7 @@ static bool append_facing(Tile *tile, Interval interval, uint path_index)
         float low = path.open;
         for (int i = 1; i <= 4; i++, front = !front) {
             float turn = i < 4 ? facing[i] : INFINITY;
-            float high = turn < 1.0f ? path.open + path.length * turn : path.open + path.length;
+            float high = turn < 1.0f ? path.open + path_length(path) * turn : path.close;
             if (front && low < interval.t1 && high > interval.t0
                 && !append_interval(tile, clip_interval(interval, low, high)))
                 return false;
@@ -81,7 +81,7 @@ static int complete_fragments(Tile *tile, Fragment *list, int count, uint path_i
     float best = INFINITY, eye = 0.0f;
     for (int i = 1; i < 4 && facing[i] < 1.0f; i++)
         for (int k = 0; k < count; k++) {
-            float t = path.open + path.length * facing[i];
+            float t = path.open + path_length(path) * facing[i];
             if (fabs(list[k].t - t) < best)
                 best = fabs(list[k].t - t), eye = t, nearest_fragment = k;
         }

@@ -254,7 +254,7 @@ kernel void paths(global const Vertex *vertices, global const Path *paths_in, ui
         shapes[i] = shape;
 #ifdef EXACT
         depth.near = shape.near, depth.far = shape.far;
-        depth.open = path.open, depth.length = path.length;
+        depth.open = path.open, depth.length = path_length(path);
         depths[i] = depth;
 #endif
     }

@@ -90,7 +90,7 @@ static bool rasterize_samples(Tile *tile, const Surface *surface, uint path_inde
         inside &= w > 0.0f;
         if (!any(inside)) continue;
         if (!append_fragments(tile, row, column, count, path_index << PART_BITS | face, w_scale,
-                              inside, path.open + path.length * t, w))
+                              inside, path.open + path_length(path) * t, w))
             return false;
     }
     return true;

@@ -118,7 +118,7 @@ static float3 span_color(const Tile *tile, Span span, Place place, float2 window
     s.material = tile->scene.materials[s.mesh.material];
     bool flat = s.material.texture == NONE && !(s.material.flags & MATERIAL_PHONG);
     if (flat && s.mesh.color == NONE) return color;
-    s.segment = (uint)(path->open / path->length + 0.5f);
+    s.segment = (path->a - s.mesh.vertex) / s.mesh.count;
     s.place = place, s.window = window;
     load_corners(tile, &s);
 #ifdef PHONG

@@ -65,7 +65,7 @@ static bool insert_facing(const Gather *g, Place place, Changes *changes)
 // the next one begins.
 static inline float shutter_time(const Gather *g, double t)
 {
-    return (float)((g->segment + t) * g->step);
+    return (float)(g->open + t * g->length);
 }
 
 // Solve one sample whatever its case.
@@ -136,8 +136,8 @@ static inline void store_covered(const Gather *g, Wide low, Wide high, Covered *
         Wide start = g->w[i] + before * g->speed[i], end = g->w[i] + after * g->speed[i];
         near = wide_min(near, wide_min(start, end)), far = wide_max(far, wide_max(start, end));
     }
-    vstore8(convert_float8((g->segment + low) * g->step), 0, covered->t0);
-    vstore8(convert_float8((g->segment + high) * g->step), 0, covered->t1);
+    vstore8(convert_float8(g->open + low * g->length), 0, covered->t0);
+    vstore8(convert_float8(g->open + high * g->length), 0, covered->t1);
     vstore8(convert_float8(wide_max(near, 0.0)) * (1.0f - 1e-6f), 0, covered->near);
     vstore8(convert_float8(far) * (1.0f + 1e-6f), 0, covered->far);
 }

@@ -47,7 +47,7 @@ static inline Lanes varying_depth(const Varying *v, Lanes t)
 
 static Attributes attributes_at(const Shaded *s, const Varying *v, Lanes t)
 {
-    double16 tau = (convert_double16(t) - s->path.open) / s->path.length, rest = 1.0 - tau;
+    double16 tau = (convert_double16(t) - s->path.open) / path_length(s->path), rest = 1.0 - tau;
     double16 e[3], sum = 0.0;
     for (int i = 0; i < 3; i++) {
         const double *b = v->edge[i];

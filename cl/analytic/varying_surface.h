@@ -71,8 +71,8 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     if ((last & face) == PART_EYE) last = first;
     v.t0 = fragment_weights(&surface, first & face, s->place.x, s->place.y, v.start);
     float t1 = fragment_weights(&surface, last & face, s->place.x, s->place.y, v.end);
-    v.over = t1 != v.t0 ? 1.0f / (s->path.length * (t1 - v.t0)) : 0.0f;
-    v.t0 = s->path.open + s->path.length * v.t0;
+    v.over = t1 != v.t0 ? 1.0f / (path_length(s->path) * (t1 - v.t0)) : 0.0f;
+    v.t0 = s->path.open + path_length(s->path) * v.t0;
     return v;
 }
 

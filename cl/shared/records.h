@@ -46,11 +46,12 @@ typedef struct {
     uint step;    // vertices from the segment's start to its end; 0 where nothing moves
     uint face;    // face of the mesh
     uint mesh;
-    float open;   // time of the segment's start, in the shutter's [0, 1]
-    float length; // its duration
+    float open, close; // times of the segment's ends, in the shutter's [0, 1]
     float color[3]; // of the face: what vertex colours, textures and light multiply
     uint unused;
 } Path;
+
+static inline float path_length(Path path) { return path.close - path.open; }
 
 // What the mesh of a path says: where its attributes are (NONE where it has none), how many
 // vertices lie between two times of an attribute (0 where it is constant).

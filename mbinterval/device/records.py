@@ -19,7 +19,7 @@ SLOT = np.dtype([(name, "f4") for name in ("x_low", "x_high", "y_low", "y_high")
 SHUTTER_KEY = np.dtype([(name, "f4") for name in ("t", "open", "passed", "unused")])
 PATH = np.dtype(
     [("a", "u4"), ("b", "u4"), ("c", "u4"), ("step", "u4")]
-    + [("face", "u4"), ("mesh", "u4"), ("open", "f4"), ("length", "f4")]
+    + [("face", "u4"), ("mesh", "u4"), ("open", "f4"), ("close", "f4")]
     + [("color", "f4", 3), ("unused", "u4")]
 )
 MESH = np.dtype(

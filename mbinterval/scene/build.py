@@ -25,6 +25,7 @@ from mbinterval.scene.schema import (
     MaterialTable,
     ObjectTable,
     SceneTable,
+    ShutterTable,
     TransformTable,
 )
 from mbinterval.scene.tracks import Track, Transform, quaternion_product
@@ -61,7 +62,7 @@ def build_scene(table: SceneTable, file: str) -> Scene:
         lights = [*scene.lights, *(light for asset in assets for light in asset.lights)]
     shutter = scene.shutter
     if table.shutter is not None:
-        shutter = Shutter(**table.shutter.model_dump(exclude_none=True))
+        shutter = _shutter(table.shutter)
     return Scene(
         meshes=[*scene.meshes, *(mesh for asset in assets for mesh in asset.meshes)],
         camera=camera,
@@ -78,6 +79,13 @@ def build_scene(table: SceneTable, file: str) -> Scene:
 def _animation(assets: Sequence[Asset]) -> tuple[float, float] | None:
     spans = [asset.animation for asset in assets if asset.animation is not None]
     return (min(span[0] for span in spans), max(span[1] for span in spans)) if spans else None
+
+
+def _shutter(table: ShutterTable) -> Shutter:
+    fields = table.model_dump(exclude_none=True)
+    if "angle" in fields:
+        return Shutter.from_angle(**fields)
+    return Shutter(**fields)
 
 
 def _background(table: SceneTable, scene: Scene) -> Any:
@@ -149,9 +157,18 @@ def _overridden(mesh: Mesh, item: ObjectTable, texture: Texture | None) -> Mesh:
         mesh,
         name=mesh.name if mesh.name == item.name else name,
         material=_material(mesh.material or Material(), item.material, texture),
-        motion_segments=item.motion_segments,
-        visible=item.visible,
+        motion_segments=item.motion_segments or mesh.motion_segments,
+        motion_blur=item.motion_blur and mesh.motion_blur,
+        shutter_scale=mesh.shutter_scale if item.shutter_scale is None else item.shutter_scale,
+        visible=_visible(mesh, item),
     )
+
+
+def _visible(mesh: Mesh, item: ObjectTable) -> bool | Track:
+    if not item.visible or not item.visibility:
+        return mesh.visible if item.visible else False
+    frames, values = zip(*((key.frame, key.visible) for key in item.visibility), strict=True)
+    return Track(np.array(frames), np.array(values, float), "step")
 
 
 def _material(own: Material, table: MaterialTable | None, texture: Texture | None) -> Material:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.checks import Vector, check_choice, freeze, numbers, vector
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Placement, Track
 
 Float64 = NDArray[np.float64]
 
 CURVES = ("box", "triangle", "trapezoid")
 ROLLINGS = ("down", "up", "right", "left")
+PLACES = ("centre", "start", "end")
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,19 @@ class Shutter:
     rolling: str | None = None
     line_offset: float | None = None
     line_exposure: float | None = None
+
+    @classmethod
+    def from_angle(cls, angle: float, place: str = "centre", **fields: Any) -> Shutter:
+        """Return a shutter that is open for ``angle`` / 360 frames.
+
+        Its ``"centre"``, ``"start"`` or ``"end"`` is on the frame. ``fields`` are the other ones.
+        """
+        check_choice(place, PLACES, "shutter: place")
+        if not 0.0 < angle < np.inf:
+            raise SceneError(f"shutter: angle={angle!r}, expected degrees, above 0")
+        length = angle / 360.0
+        start = {"centre": -0.5 * length, "start": 0.0, "end": -length}[place]
+        return cls(open=start, close=start + length, **fields)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.open) and np.isfinite(self.close) and self.open < self.close):
@@ -132,7 +146,7 @@ class Camera:
     position: Vector | Track = (0.0, 0.0, 0.0)
     look_at: Vector | Track | None = None
     up: Vector | Track = (0.0, 1.0, 0.0)
-    transform: Transform | None = None
+    transform: Placement | None = None
     fov: float | Track | None = None
     focal_length: float | Track | None = None
     vertical_aperture: float | None = None
@@ -174,6 +188,23 @@ class Camera:
                     f"{where}: {name}={value!r}, expected a value between {low} and {high}"
                 )
         self._check_lens(where)
+
+    @property
+    def tracks(self) -> list[Track]:
+        """Its keyed fields."""
+        values = (getattr(self, item.name) for item in fields(self))
+        return [value for value in values if isinstance(value, Track)]
+
+    @property
+    def animated(self) -> bool:
+        """Whether it may differ between frames."""
+        return bool(self.tracks) or (self.transform is not None and self.transform.animated)
+
+    @property
+    def jumps(self) -> list[float]:
+        """Frames at which it may jump: cuts."""
+        found = [frame for track in self.tracks for frame in track.jumps]
+        return found if self.transform is None else found + self.transform.jumps
 
     def _check_lens(self, where: str) -> None:
         if self.f_stop is None:

@@ -34,12 +34,20 @@ class Deformer(Protocol):
     def mirrors(self, frame: float) -> bool:
         """Whether fronts become backs: a joint's matrix has a negative determinant."""
 
+    @property
+    def jumps(self) -> list[float]:
+        """Frames at which vertices may jump."""
+
 
 class Joints(Protocol):
     """Joints of a skeleton over time."""
 
     def at(self, frame: float) -> Float64:
         """``(J, 4, 4)`` that take vertices from the bind pose to their place at ``frame``."""
+
+    @property
+    def jumps(self) -> list[float]:
+        """Frames at which a joint may jump."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +60,11 @@ class NodeJoints:
     def at(self, frame: float) -> Float64:
         """See `Joints`."""
         return matrices_at(self.nodes, frame) @ self.inverse_bind
+
+    @property
+    def jumps(self) -> list[float]:
+        """See `Joints`."""
+        return sorted({frame for node in self.nodes for frame in node.jumps})
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +97,6 @@ class Skin:
     def blended(self, frame: float, which: Index = ALL) -> Float64:
         """``(n, 3, 4)``: what takes each vertex from the bind pose to its place at ``frame``."""
         matrices = self.joints.at(frame)[:, :3].reshape(-1, 12)
-        if not np.isfinite(matrices).all():
-            raise SceneError("a joint of its skin has a transform that is not finite")
         indices, weights = self.indices[which], self.weights[which]
         mean = weights[:, :1] * matrices[indices[:, 0]]
         for column in range(1, weights.shape[1]):
@@ -164,6 +175,14 @@ class MorphedSkin:
         if self.skin is None:
             return False
         return bool(np.linalg.det(self.skin.joints.at(frame)[0, :3, :3]) < 0.0)
+
+    @property
+    def jumps(self) -> list[float]:
+        """See `Deformer`."""
+        found = [] if self.skin is None else self.skin.joints.jumps
+        if self.morph is not None and isinstance(self.morph.weights, Track):
+            found = found + self.morph.weights.jumps
+        return found
 
 
 def _transformed(matrices: Float64, vectors: Float64) -> Float64:

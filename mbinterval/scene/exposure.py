@@ -6,6 +6,7 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,9 +16,12 @@ from numpy.typing import NDArray
 from mbinterval.errors import SceneError
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.framing import framing_camera, headlight
-from mbinterval.scene.mesh_exposure import MeshExposure, Window, expose_mesh
-from mbinterval.scene.model import Light, Scene, Vector
-from mbinterval.scene.poses import CameraPoses, camera_poses
+from mbinterval.scene.mesh_exposure import MeshExposure, expose_mesh
+from mbinterval.scene.model import Light, Mesh, Scene, Vector
+from mbinterval.scene.poses import CameraPoses
+from mbinterval.scene.segments import View, choose_segments
+from mbinterval.scene.shutter_times import WHOLE, Stretch, Window, stretches
+from mbinterval.scene.tracks import Track
 
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -63,12 +67,16 @@ def expose(
     aspect: float,
     motion_segments: int | None = None,
     lines: int = 1,
+    motion_error: float = np.inf,
+    height: int = 1,
 ) -> Exposure:
     """Freeze ``scene`` over the shutter of ``frame``.
 
-    ``aspect`` is the image's width over its height. ``motion_segments`` is the number for meshes
-    that don't state their own (``Mesh.motion_segments`` or positions per time). ``lines`` is the
-    number of lines of a rolling shutter, rows or columns of pixels.
+    ``aspect`` is the image's width over its height, ``height`` its height in pixels.
+    ``motion_segments`` is the number for meshes that don't state their own
+    (``Mesh.motion_segments`` or positions per time); without, they get as many as keep their
+    paths within ``motion_error`` pixels (`choose_segments`). ``lines`` is the number of lines of a
+    rolling shutter, rows or columns of pixels.
     """
     notes = list(scene.notes)
     camera = scene.camera
@@ -76,20 +84,17 @@ def expose(
         camera = framing_camera(scene)
         notes.append("no camera: one that frames the scene was made")
     window = Window(frame, *scene.shutter.window(scene.fps, lines))
-    meshes = [mesh for mesh in scene.meshes if mesh.visible and len(mesh.faces)]
-    wanted = [mesh.motion_segments or (mesh.times - 1) or motion_segments or 1 for mesh in meshes]
-    cameras = {
-        count: camera_poses(camera, window.frames(np.arange(count + 1) / max(count, 1)), aspect)
-        for count in {0, 1, *wanted}
-    }
-    camera_moves = any(poses.moves for poses in cameras.values())
+    view = View(camera, window, aspect, height)
+    cameras = {0: view.poses(np.zeros(1)), 1: view.poses(np.arange(2.0))}
+    meshes = [mesh for mesh in scene.meshes if mesh.visible is not False and len(mesh.faces)]
     lights = tuple(light.at(frame) for light in scene.lights)
     if not lights and any(m.material is None or m.material.shading != "unlit" for m in meshes):
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
     exposed = tuple(
-        expose_mesh(mesh, window, count, camera_moves)
-        for mesh, count in zip(meshes, wanted, strict=True)
+        _expose_stretch(mesh, stretch, view, cameras, motion_segments, motion_error)
+        for mesh in meshes
+        for stretch in mesh_stretches(mesh, window, camera)
     )
     notes += _outside(scene, window)
     _check_scale(exposed, cameras[0].eye[0])
@@ -98,13 +103,49 @@ def expose(
         meshes=exposed,
         camera=camera,
         cameras=cameras,
-        camera_moves=camera_moves,
+        camera_moves=view.moves,
         lights=lights,
         background=scene.background,
         shutter=scene.shutter,
         roll=_roll(scene.shutter, scene.fps, lines),
         notes=tuple(notes),
     )
+
+
+def mesh_stretches(mesh: Mesh, window: Window, camera: Camera) -> list[Stretch]:
+    """Stretches of the shutter in which ``mesh`` is visible and neither it nor the camera jumps."""
+    jumps = window.times_of(camera.jumps) + window.times_of(mesh.jumps, mesh.own_shutter)
+    if not isinstance(mesh.visible, Track):
+        return stretches(jumps, [(0.0, 1.0)])
+    changes = window.times_of(mesh.visible.jumps)
+    bounds = sorted({0.0, *changes, 1.0})
+    parts = itertools.pairwise(bounds)
+    middles = window.frames((np.array(bounds[1:]) + bounds[:-1]) / 2.0)
+    shown = [mesh.visible.at(float(frame)) > 0.0 for frame in middles]
+    return stretches(jumps, [part for part, seen in zip(parts, shown, strict=True) if seen])
+
+
+def _expose_stretch(
+    mesh: Mesh,
+    stretch: Stretch,
+    view: View,
+    cameras: dict[int, CameraPoses],
+    motion_segments: int | None,
+    motion_error: float,
+) -> MeshExposure:
+    """Expose ``mesh`` over ``stretch``; poses of the whole shutter are kept in ``cameras``."""
+    count, reason = mesh.motion_segments or (mesh.times - 1) or motion_segments, "as asked for"
+    if mesh.motion_segments is None and motion_segments is None and motion_error < np.inf:
+        choice = choose_segments(mesh, view, stretch, motion_error)
+        count, reason = choice.segments, choice.reason
+    count = count or 1
+    if stretch != WHOLE:
+        poses = view.poses(stretch.inside(stretch.ends(count), view.window))
+    else:
+        if count not in cameras:
+            cameras[count] = view.poses(stretch.ends(count))
+        poses = cameras[count]
+    return expose_mesh(mesh, view.window, count, poses, stretch, reason)
 
 
 SCALES = (1e-30, 1e30)

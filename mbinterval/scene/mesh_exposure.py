@@ -11,30 +11,19 @@ from numpy.typing import NDArray
 from mbinterval.errors import SceneError
 from mbinterval.scene.deform import ALL, Index, cofactors
 from mbinterval.scene.model import Mesh
+from mbinterval.scene.poses import CameraPoses
+from mbinterval.scene.shutter_times import WHOLE, Stretch, Window
 
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Window:
-    """The shutter on the time line: ``frame``, and ``open`` and ``close`` relative to it."""
-
-    frame: float
-    open: float
-    close: float
-
-    def frames(self, times: Float64) -> Float64:
-        """Frames of ``times`` of the shutter, 0 where it opens and 1 where it closes."""
-        return np.asarray(self.frame + self.open + times * (self.close - self.open))
-
-
 @dataclass(frozen=True, eq=False)
 class MeshExposure:
-    """One mesh over the shutter.
+    """One mesh over the shutter, or over a stretch of it.
 
-    Each array is given at T = ``segments`` + 1 equally spaced times, or at T = 1 where it is
-    constant.
+    Each array is given at T = ``segments`` + 1 equally spaced times of the stretch, or at T = 1
+    where it is constant.
 
     Attributes
     ----------
@@ -47,6 +36,12 @@ class MeshExposure:
         ``(T, N, 3)``. None where absent.
     face_color
         ``(F, 3)`` or None.
+    poses
+        The camera at the K + 1 times.
+    open, close
+        The stretch, in the shutter's [0, 1]; the mesh is not there outside of it.
+    reason
+        Why there are so many segments.
     """
 
     mesh: Mesh
@@ -56,16 +51,27 @@ class MeshExposure:
     uv: Float64 | None
     color: Float32 | None
     face_color: Float32 | None
+    poses: CameraPoses
+    open: float = 0.0
+    close: float = 1.0
+    reason: str = ""
 
 
-def expose_mesh(mesh: Mesh, window: Window, segments: int, camera_moves: bool) -> MeshExposure:
-    """Evaluate ``mesh`` at the ends of ``segments`` equal parts of ``window``, in the world.
+def expose_mesh(
+    mesh: Mesh,
+    window: Window,
+    segments: int,
+    poses: CameraPoses,
+    stretch: Stretch = WHOLE,
+    reason: str = "",
+) -> MeshExposure:
+    """Evaluate ``mesh`` at the ends of ``segments`` equal parts of ``stretch``, in the world.
 
-    A transform that mirrors would turn the front of every face to the back, so the order of the
-    vertices is reversed with it. The sign at the first time decides: a scale that passes through
-    zero within the shutter shows the backs from then on.
+    ``poses`` is the camera at these times. A transform that mirrors would turn the front of every
+    face to the back, so the order of the vertices is reversed with it. The sign at the first time
+    decides: a scale that passes through zero within the shutter shows the backs from then on.
     """
-    times = np.arange(segments + 1) / segments
+    times = mesh_times(mesh, window, stretch.inside(stretch.ends(segments), window))
     frames = window.frames(times)
     matrices = _matrices(mesh, frames)
     mirrored = bool(np.linalg.det(matrices[0, :3, :3]) < 0.0)
@@ -83,21 +89,33 @@ def expose_mesh(mesh: Mesh, window: Window, segments: int, camera_moves: bool) -
     elif mesh.color is not None:
         color = _merge_equal(_at_times(mesh.color, times)).astype(np.float32)
     changes = any(a is not None and len(a) > 1 for a in (positions, normals, uv, color))
+    whole = (stretch.open, stretch.close) == (0.0, 1.0)
     return MeshExposure(
         mesh=mesh,
-        segments=segments if camera_moves or changes else 0,
+        segments=segments if poses.moves or changes or not whole else 0,
         positions=positions,
         normals=normals,
         uv=uv,
         color=color,
         face_color=face_color,
+        poses=poses,
+        open=stretch.open,
+        close=stretch.close,
+        reason=reason,
     )
+
+
+def mesh_times(mesh: Mesh, window: Window, times: Float64) -> Float64:
+    """Times of the shutter at which ``mesh`` is evaluated at ``times``: its own shutter's."""
+    scale = mesh.own_shutter
+    return times if scale == 1.0 else window.scaled(times, scale)
 
 
 def world_positions(mesh: Mesh, window: Window, times: Float64, which: Index = ALL) -> Float64:
     """World positions of all vertices, or of some, at ``times`` (T,): ``(T, n, 3)``.
 
-    One time stands for all where nothing but positions per time could move them, and they don't.
+    ``(1, n, 3)`` stands for all times where only positions per time or a transform could move
+    them, and don't.
     """
     frames = window.frames(times)
     matrices = _matrices(mesh, frames)
@@ -115,6 +133,8 @@ def _matrices(mesh: Mesh, frames: Float64) -> Float64:
     """World matrices ``(T, 4, 4)``, or ``(1, 4, 4)`` where they are equal."""
     if mesh.transform is None:
         return np.eye(4)[None]
+    if not mesh.transform.animated:
+        frames = frames[:1]
     matrices = np.array([mesh.transform.at(float(frame)) for frame in frames])
     if not np.isfinite(matrices).all():
         raise SceneError(f"mesh {mesh.name!r}: its transform is not finite")
@@ -139,7 +159,7 @@ def _at_times(values: NDArray[Any], times: Float64) -> NDArray[Any]:
     """Values ``(G, N, width)`` at equally spaced times, at ``times`` (T,); one time if constant."""
     if values.ndim == 2:
         return values[None]
-    place = times * (len(values) - 1)
+    place = np.clip(times, 0.0, 1.0) * (len(values) - 1)
     whole = np.rint(place)
     place = np.where(np.abs(place - whole) < 1e-9, whole, place)
     key = np.minimum(place.astype(int), len(values) - 2)

@@ -13,11 +13,12 @@ from dataclasses import InitVar, dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mbinterval.checks import number
 from mbinterval.errors import SceneError
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.checks import Vector, check_choice, check_finite, freeze, numbers, vector
 from mbinterval.scene.deform import Deformer
-from mbinterval.scene.tracks import Transform
+from mbinterval.scene.tracks import Placement, Track
 
 __all__ = ["Camera", "Light", "Material", "Mesh", "Scene", "Shutter", "Texture", "Vector"]
 
@@ -104,7 +105,7 @@ class Light:
     intensity: float = 1.0
     direction: Vector = (0.0, 0.0, -1.0)
     position: Vector = (0.0, 0.0, 0.0)
-    transform: Transform | None = None
+    transform: Placement | None = None
 
     def __post_init__(self) -> None:
         check_choice(self.kind, LIGHT_KINDS, "light: kind")
@@ -150,9 +151,15 @@ class Mesh:
     shading
         Shorthand for ``material=Material(shading=...)``.
     motion_segments
-        Linear motion segments over the shutter; a multiple of K for positions per time.
+        Linear motion segments over the shutter; a multiple of K for positions per time. None lets
+        `Settings` decide.
+    motion_blur
+        False shows the mesh throughout the exposure as it is at the frame.
+    shutter_scale
+        Its own shutter is so many times as long, around the frame; 0 is ``motion_blur=False``.
     visible
-        False leaves the mesh out.
+        False leaves the mesh out; a stepped track of 0 and 1 lets it appear and vanish, at any
+        time of the shutter.
     deformer
         Moves the vertices at any frame, as joints and morph targets do; ``positions`` and
         ``normals`` are then those at rest.
@@ -165,9 +172,11 @@ class Mesh:
     color: Float32 | None = None
     material: Material | None = None
     motion_segments: int | None = None
-    visible: bool = True
+    motion_blur: bool = True
+    shutter_scale: float = 1.0
+    visible: bool | Track = True
     name: str = ""
-    transform: Transform | None = None
+    transform: Placement | None = None
     color_domain: str = "auto"
     deformer: Deformer | None = None
     shading: InitVar[str | None] = None
@@ -204,6 +213,11 @@ class Mesh:
                 f"{where}: motion_segments={segments}, but positions are given for {times - 1} "
                 "segments; expected a multiple of that"
             )
+        if isinstance(self.visible, Track) and (
+            self.visible.interpolation != "step" or self.visible.values.ndim != 1
+        ):
+            raise SceneError(f"{where}: visible must be true, false or a stepped track of numbers")
+        number(self.shutter_scale, f"{where}: shutter_scale", 0.0, error=SceneError)
         freeze(
             self,
             positions=positions,
@@ -218,6 +232,23 @@ class Mesh:
     def times(self) -> int:
         """Number of times over the shutter at which positions are given: K+1, or 1."""
         return self.positions.shape[0] if self.positions.ndim == 3 else 1
+
+    @property
+    def own_shutter(self) -> float:
+        """Length of its own shutter as a part of the scene's: 0 without motion blur."""
+        return self.shutter_scale if self.motion_blur else 0.0
+
+    @property
+    def animated(self) -> bool:
+        """Whether a transform or a deformer may move it."""
+        moved = self.transform is not None and self.transform.animated
+        return moved or self.deformer is not None
+
+    @property
+    def jumps(self) -> list[float]:
+        """Frames at which it may jump."""
+        parts = (self.transform, self.deformer)
+        return [frame for part in parts if part is not None for frame in part.jumps]
 
 
 @dataclass(frozen=True, eq=False)

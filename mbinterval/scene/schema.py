@@ -184,10 +184,15 @@ class CameraTable(Table):
 
 
 class ShutterTable(Table):
-    """See `mbinterval.Shutter`; open and close in frames relative to the frame."""
+    """See `mbinterval.Shutter`; open and close in frames relative to the frame.
+
+    Instead of these: an angle in degrees, and what of the shutter is on the frame.
+    """
 
     open: float | None = None
     close: float | None = None
+    angle: Positive | None = None
+    place: Literal["centre", "start", "end"] | None = None
     curve: Curve | None = None
     opening: NotNegative | None = None
     closing: NotNegative | None = None
@@ -228,6 +233,13 @@ class PrimitiveTable(Table):
     segments: Annotated[int, Field(ge=3, le=4096)] | None = None
 
 
+class VisibilityKey(Table):
+    """From this frame on, up to the next key, the object is there or not."""
+
+    frame: float
+    visible: bool
+
+
 class ObjectTable(Table):
     """A mesh from a file, from arrays in the file, or a simple shape."""
 
@@ -245,7 +257,10 @@ class ObjectTable(Table):
     transform: TransformTable | None = None
     material: MaterialTable | None = None
     motion_segments: Count | None = None
+    motion_blur: bool = True
+    shutter_scale: NotNegative | None = None
     visible: bool = True
+    visibility: list[VisibilityKey] = Field(default_factory=list)
 
 
 class GeneratorTable(Table):

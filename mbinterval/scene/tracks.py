@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,14 @@ class Track:
         object.__setattr__(self, "frames", frames)
         object.__setattr__(self, "values", values)
 
+    @property
+    def jumps(self) -> list[float]:
+        """Frames at which the value jumps."""
+        if self.interpolation != "step":
+            return []
+        changed = np.diff(self.values.reshape(len(self.values), -1), axis=0).any(axis=1)
+        return [float(frame) for frame in self.frames[1:][changed]]
+
     def at(self, frame: float) -> Float64:
         """Value at ``frame``, shape ``(d,)`` or ``()``."""
         cubic = self.interpolation == "cubic"
@@ -100,6 +109,21 @@ class Track:
         return np.asarray(value / np.linalg.norm(value) if self.quaternion else value)
 
 
+class Placement(Protocol):
+    """A place in the world over time; `Transform` is one."""
+
+    @property
+    def animated(self) -> bool:
+        """Whether it may differ between frames."""
+
+    @property
+    def jumps(self) -> list[float]:
+        """Frames at which it may jump."""
+
+    def at(self, frame: float) -> Float64:
+        """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns."""
+
+
 @dataclass(frozen=True, eq=False)
 class Transform:
     """A node of a hierarchy: parent * translation * rotation * scale * matrix.
@@ -113,6 +137,27 @@ class Transform:
     scale: Track | tuple[float, float, float] = (1.0, 1.0, 1.0)
     matrix: Float64 | None = None
     parent: Transform | None = None
+
+    @property
+    def tracks(self) -> list[Track]:
+        """Every track of this node and of its ancestors."""
+        found: list[Track] = []
+        node: Transform | None = self
+        while node is not None:
+            values = (node.translation, node.rotation, node.scale)
+            found += [value for value in values if isinstance(value, Track)]
+            node = node.parent
+        return found
+
+    @property
+    def animated(self) -> bool:
+        """Whether anything is keyed."""
+        return bool(self.tracks)
+
+    @property
+    def jumps(self) -> list[float]:
+        """Frames at which the transform may jump."""
+        return [frame for track in self.tracks for frame in track.jumps]
 
     def at(self, frame: float) -> Float64:
         """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns."""

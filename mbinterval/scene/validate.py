@@ -122,6 +122,10 @@ def conflicts(data: Mapping[str, Any]) -> list[Problem]:
     shutter = _mapping(data.get("shutter"))
     if _ordered(shutter.get("close", 0.25), shutter.get("open", -0.25)):
         problems.append(("shutter", "close must come after open"))
+    if "angle" in shutter and {"open", "close"} & set(shutter):
+        problems.append(("shutter.angle", "given beside open or close; give one or the other"))
+    if "place" in shutter and "angle" not in shutter:
+        problems.append(("shutter.place", "goes with angle"))
     for index, item in enumerate(_list(data.get("objects"))):
         if isinstance(item, Mapping):
             problems += _object(f"objects[{index}]", item)
@@ -161,15 +165,19 @@ def _transform(path: str, transform: Mapping[str, Any]) -> Iterator[Problem]:
 
 def _keys(path: str, table: Mapping[str, Any]) -> Iterator[Problem]:
     """Keys come in order of time, and a field is constant or keyed, not both."""
-    keys = [_mapping(key) for key in _list(table.get("keys"))]
-    for index, (before, after) in enumerate(itertools.pairwise(keys)):
-        if _ordered(after.get("frame"), before.get("frame")):
-            where = f"{path}.keys[{index + 1}].frame"
-            yield where, f"{after['frame']} must come after {before['frame']}, the key before it"
-    keyed = set().union(*keys)
+    yield from _in_order(f"{path}.keys", table.get("keys"))
+    keyed = set().union(*map(_mapping, _list(table.get("keys"))))
     for name in table:
         if name in keyed:
             yield f"{path}.{name}", "is given here and in keys; give it in one place"
+
+
+def _in_order(path: str, items: Any) -> Iterator[Problem]:
+    keys = [_mapping(key) for key in _list(items)]
+    for index, (before, after) in enumerate(itertools.pairwise(keys)):
+        if _ordered(after.get("frame"), before.get("frame")):
+            where = f"{path}[{index + 1}].frame"
+            yield where, f"{after['frame']} must come after {before['frame']}, the key before it"
 
 
 def _object(path: str, item: Mapping[str, Any]) -> Iterator[Problem]:
@@ -187,6 +195,9 @@ def _object(path: str, item: Mapping[str, Any]) -> Iterator[Problem]:
         for name in ("clip", "fps"):
             if name in item:
                 yield f"{path}.{name}", "only a glTF file has animation to apply it to"
+    if "visible" in item and "visibility" in item:
+        yield f"{path}.visible", "is given beside visibility; give one"
+    yield from _in_order(f"{path}.visibility", item.get("visibility"))
     yield from _primitive(f"{path}.primitive", _mapping(item.get("primitive")))
     yield from _transform(f"{path}.transform", _mapping(item.get("transform")))
 

@@ -19,8 +19,9 @@ from .visibility import nearest
 
 def slice_hits(paths: Paths, samples: Samples, t: float) -> tuple[np.ndarray, np.ndarray]:
     """Path ``(S,)`` seen by each sample at global time ``t`` in [0, 1), -1 if none, and its w."""
-    segment = np.floor(t * np.maximum(paths.segments, 1)).astype(np.int64)
-    now = np.flatnonzero(segment == paths.segment)
+    every = np.arange(len(paths))
+    there = (paths.time(every, 0.0) <= t) & (t < paths.time(every, 1.0))
+    now = np.flatnonzero(there | (paths.segments == 0))
     tau = paths.local(now, np.full(len(now), t))[:, None, None]
     points = (1.0 - tau) * paths.points[now, 0] + tau * paths.points[now, 1]
     front = ~paths.single_sided[now]

@@ -35,6 +35,8 @@ class Paths:
         ``(P, 2, 3, 3)``: end of the segment, vertex, (x, y, w).
     segment, segments
         ``(P,)`` k and K; K = 0 marks a static triangle, seen over the whole shutter.
+    window
+        ``(P, 2)`` times from which and until which the mesh is there; its segments tile them.
     single_sided
         ``(P,)`` whether only the front is seen.
     color
@@ -48,6 +50,7 @@ class Paths:
     points: np.ndarray
     segment: np.ndarray
     segments: np.ndarray
+    window: np.ndarray
     single_sided: np.ndarray
     color: np.ndarray
     attributes: np.ndarray
@@ -58,11 +61,15 @@ class Paths:
 
     def time(self, path: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Global time of local times ``tau`` of segments of ``path``."""
-        return (self.segment[path] + tau) / np.maximum(self.segments[path], 1)
+        part = (self.segment[path] + tau) / np.maximum(self.segments[path], 1)
+        first, last = self.window[path, 0], self.window[path, 1]
+        return first + part * (last - first)
 
     def local(self, path: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Local times in [0, 1] of global times ``t`` within segments of ``path``."""
-        return np.clip(t * np.maximum(self.segments[path], 1) - self.segment[path], 0.0, 1.0)
+        first, last = self.window[path, 0], self.window[path, 1]
+        part = (t - first) / (last - first)
+        return np.clip(part * np.maximum(self.segments[path], 1) - self.segment[path], 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +144,7 @@ def make_paths(
         points=np.asarray(points, dtype=np.float64),
         segment=np.zeros(count, dtype=np.int64),
         segments=np.full(count, segments),
+        window=np.tile([0.0, 1.0], (count, 1)),
         single_sided=np.full(count, single_sided),
         color=np.ones((count, 3)) if color is None else np.asarray(color, dtype=np.float64),
         attributes=np.zeros((count, 2, 3, 0)),
@@ -152,7 +160,7 @@ def paths_of(exposure: Exposure, width: int, height: int, attributes: bool | Non
     meshes = exposure.meshes
     wanted = any(map(needs_attributes, meshes)) if attributes is None else attributes
     parts = [
-        _mesh_paths(mesh, exposure.cameras[mesh.segments], index, (width, height), wanted)
+        _mesh_paths(mesh, mesh.poses, index, (width, height), wanted)
         for index, mesh in enumerate(meshes)
     ]
     parts = parts or [make_paths(np.zeros((0, 2, 3, 3)))]
@@ -195,6 +203,7 @@ def _mesh_paths(
         points=_per_segment(pixels),
         segment=np.tile(np.arange(count), len(faces)),
         segments=np.full(total, mesh.segments),
+        window=np.tile([mesh.open, mesh.close], (total, 1)),
         single_sided=np.full(total, material is not None and not material.double_sided),
         color=np.repeat(face_color.astype(np.float64) * base, count, axis=0),
         attributes=_per_segment(values),

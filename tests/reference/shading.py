@@ -93,7 +93,7 @@ class Shader:
         self, mesh: int, path: np.ndarray, x: np.ndarray, y: np.ndarray, t: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Eye, and ray through the sample at w = 1, in the world at global times t."""
-        poses = self.exposure.cameras[self.exposure.meshes[mesh].segments]
+        poses = self.exposure.meshes[mesh].poses
         width, height = self.size
         segment = self.paths.segment[path]
         ends = []
