@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.model import Camera, Light, Mesh
+from mbinterval.scene.model import Camera, Light, Mesh, Shutter
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,6 +17,7 @@ class Asset:
     """Meshes of a file, its camera and lights if it has any, and what had to be assumed.
 
     ``animation`` is the first and the last frame of the file's keys; None where nothing is keyed.
+    ``fps`` and ``shutter`` are those that the file gives, if it does.
     """
 
     meshes: tuple[Mesh, ...]
@@ -24,6 +25,8 @@ class Asset:
     lights: tuple[Light, ...] = ()
     notes: tuple[str, ...] = ()
     animation: tuple[float, float] | None = None
+    fps: float | None = None
+    shutter: Shutter | None = None
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from mbinterval.images import read_image
 from mbinterval.scene import generators
 from mbinterval.scene.asset import Asset
 from mbinterval.scene.gltf import read_gltf
-from mbinterval.scene.load import GLTF_SUFFIXES
+from mbinterval.scene.load import GLTF_SUFFIXES, USD_SUFFIXES
 from mbinterval.scene.meshes import read_mesh_file
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 from mbinterval.scene.primitives import PRIMITIVES
@@ -29,6 +29,7 @@ from mbinterval.scene.schema import (
     TransformTable,
 )
 from mbinterval.scene.tracks import Track, Transform, quaternion_product
+from mbinterval.scene.usd import read_usd
 from mbinterval.scene.validate import Problem, scene_error
 
 
@@ -60,7 +61,7 @@ def build_scene(table: SceneTable, file: str) -> Scene:
         ]
     else:
         lights = [*scene.lights, *(light for asset in assets for light in asset.lights)]
-    shutter = scene.shutter
+    shutter = next((asset.shutter for asset in assets if asset.shutter), scene.shutter)
     if table.shutter is not None:
         shutter = _shutter(table.shutter)
     return Scene(
@@ -122,6 +123,8 @@ def _object(item: ObjectTable, fps: float) -> Asset:
         asset = Asset((_own_mesh(item, root),))
     elif item.file.suffix.lower() in GLTF_SUFFIXES:
         asset = read_gltf(item.file, item.fps or fps, item.clip, root)
+    elif item.file.suffix.lower() in USD_SUFFIXES:
+        asset = read_usd(item.file, item.fps or fps, root)
     else:
         asset = read_mesh_file(item.file, root)
     texture = None

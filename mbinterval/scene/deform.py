@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.tracks import Track, Transform, matrices_at
+from mbinterval.scene.tracks import Transform, matrices_at
 
 Float64 = NDArray[np.float64]
 Index = NDArray[np.integer[Any]] | slice
@@ -25,8 +25,11 @@ ALL = slice(None)
 class Deformer(Protocol):
     """Shape of a mesh over time, in the space that the mesh's transform maps to the world."""
 
-    def positions(self, frame: float, which: Index = ALL) -> Float64:
-        """Positions ``(n, 3)`` at ``frame`` of all vertices, or of some."""
+    def positions(self, frame: float, which: Index = ALL, base: float | None = None) -> Float64:
+        """Positions ``(n, 3)`` at ``frame`` of all vertices, or of some.
+
+        ``base`` is the exposure's frame, from which velocities lead on; None is ``frame``.
+        """
 
     def normals(self, frame: float) -> Float64 | None:
         """Normals ``(N, 3)`` at ``frame``, not normalized; None where the mesh has none."""
@@ -37,6 +40,17 @@ class Deformer(Protocol):
     @property
     def jumps(self) -> list[float]:
         """Frames at which vertices may jump."""
+
+
+class Weights(Protocol):
+    """Weights of morph targets over time; a `Track` will do."""
+
+    @property
+    def jumps(self) -> list[float]:
+        """Frames at which they may jump."""
+
+    def at(self, frame: float) -> Float64:
+        """``(M,)`` at ``frame``."""
 
 
 class Joints(Protocol):
@@ -113,26 +127,27 @@ class Morph:
     positions, normals
         ``(M, N, 3)`` differences of the M targets; normals may be None.
     weights
-        ``(M,)`` constant, or a track of them.
+        ``(M,)`` constant, or given over time.
     """
 
     positions: Float64
     normals: Float64 | None
-    weights: Track | Float64
+    weights: Weights | Float64
 
     def __post_init__(self) -> None:
-        given = self.weights
-        if isinstance(given, Track):
-            given = given.values[0, 1] if given.interpolation == "cubic" else given.values[0]
-        if np.shape(given) != (len(self.positions),):
+        weights = self.weights
+        first = weights if isinstance(weights, np.ndarray) else weights.at(0.0)
+        if first.shape != (len(self.positions),):
             raise SceneError(
-                f"{np.size(given)} morph weights for {len(self.positions)} targets; "
+                f"{first.size} morph weights for {len(self.positions)} targets; "
                 "give one for each target"
             )
 
     def added(self, base: Float64, targets: Float64, frame: float, which: Index = ALL) -> Float64:
         """``base`` ``(n, 3)`` and the weighted ``targets`` ``(M, N, 3)`` of these vertices."""
-        weights = self.weights.at(frame) if isinstance(self.weights, Track) else self.weights
+        weights = self.weights
+        if not isinstance(weights, np.ndarray):
+            weights = weights.at(frame)
         result = base
         for target in np.flatnonzero(weights):
             result = result + weights[target] * targets[target][which]
@@ -148,7 +163,7 @@ class MorphedSkin:
     morph: Morph | None = None
     skin: Skin | None = None
 
-    def positions(self, frame: float, which: Index = ALL) -> Float64:
+    def positions(self, frame: float, which: Index = ALL, base: float | None = None) -> Float64:
         """See `Deformer`."""
         points = self.rest[which]
         if self.morph is not None:
@@ -180,7 +195,7 @@ class MorphedSkin:
     def jumps(self) -> list[float]:
         """See `Deformer`."""
         found = [] if self.skin is None else self.skin.joints.jumps
-        if self.morph is not None and isinstance(self.morph.weights, Track):
+        if self.morph is not None and not isinstance(self.morph.weights, np.ndarray):
             found = found + self.morph.weights.jumps
         return found
 

@@ -12,6 +12,7 @@ from mbinterval.errors import SceneError, UsageError
 from mbinterval.scene.model import Scene
 
 GLTF_SUFFIXES = (".glb", ".gltf")
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 
 @dataclass(frozen=True)
@@ -55,15 +56,17 @@ def load(
     Parameters
     ----------
     source
-        A scene file (.toml, .json), or the same as a dict; a glTF model (.glb, .gltf); a
-        benchmark (.npz); or any mesh file that trimesh reads (.obj, .ply, .stl, ...).
+        A scene file (.toml, .json), or the same as a dict; a glTF model (.glb, .gltf); a USD file
+        (.usd, .usda, .usdc, .usdz); a benchmark (.npz); or any mesh file that trimesh reads (.obj,
+        .ply, .stl, ...).
     base
         Folder that relative paths in a dict are relative to; default is the current one. In a
         file they are relative to the file.
     clip
         Name or index of the animation clip of a glTF model; None is the first.
     fps
-        Frames per second of an animated model: a key at s seconds is at frame s * fps. None is 24.
+        Frames per second of an animated model: a key at s seconds is at frame s * fps. None is 24,
+        or for USD the file's time codes per second, so that a frame is a time code.
 
     Raises
     ------
@@ -85,8 +88,12 @@ def load_file(
     """Read a scene as `load` does, with the settings and render defaults of its file."""
     if (clip, fps) != (None, None):
         kind = "" if isinstance(source, Mapping) else Path(source).suffix.lower()
-        if kind not in GLTF_SUFFIXES:
-            raise UsageError("clip and fps go with a glTF model; a scene file has them per object")
+        if kind not in (*GLTF_SUFFIXES, *USD_SUFFIXES):
+            raise UsageError(
+                "clip and fps go with a glTF or USD model; a scene file has them per object"
+            )
+        if clip is not None and kind in USD_SUFFIXES:
+            raise UsageError("clip goes with a glTF model; a USD file has one animation")
     if isinstance(source, Mapping):
         return _from_table(source, Path(base or "."), "scene")
     path = Path(source)
@@ -106,11 +113,16 @@ def load_file(
 
 
 def _model_scene(path: Path, kind: str, clip: str | int | None, fps: float | None) -> Scene:
-    fps = Scene(meshes=()).fps if fps is None else number(fps, "fps", above=0.0)
+    fps = None if fps is None else number(fps, "fps", above=0.0)
+    usual = Scene(meshes=())
     if kind in GLTF_SUFFIXES:
         from mbinterval.scene.gltf import read_gltf
 
-        asset = read_gltf(path, fps, clip)
+        asset = read_gltf(path, fps or usual.fps, clip)
+    elif kind in USD_SUFFIXES:
+        from mbinterval.scene.usd import read_usd
+
+        asset = read_usd(path, fps)
     else:
         from mbinterval.scene.meshes import read_mesh_file
 
@@ -119,7 +131,8 @@ def _model_scene(path: Path, kind: str, clip: str | int | None, fps: float | Non
         asset.meshes,
         asset.camera,
         asset.lights,
-        fps=fps,
+        shutter=asset.shutter or usual.shutter,
+        fps=fps or asset.fps or usual.fps,
         name=path.stem,
         notes=asset.notes,
         animation=asset.animation,

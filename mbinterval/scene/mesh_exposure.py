@@ -73,7 +73,7 @@ def expose_mesh(
     """
     times = mesh_times(mesh, window, stretch.inside(stretch.ends(segments), window))
     frames = window.frames(times)
-    matrices = _matrices(mesh, frames)
+    matrices = _matrices(mesh, frames, window.frame)
     mirrored = bool(np.linalg.det(matrices[0, :3, :3]) < 0.0)
     inside_out = mesh.deformer is not None and mesh.deformer.mirrors(float(frames[0]))
     if mirrored != inside_out:
@@ -118,24 +118,26 @@ def world_positions(mesh: Mesh, window: Window, times: Float64, which: Index = A
     them, and don't.
     """
     frames = window.frames(times)
-    matrices = _matrices(mesh, frames)
+    matrices = _matrices(mesh, frames, window.frame)
     if mesh.deformer is None:
         points = _at_times(mesh.positions[..., which, :], times)
     else:
-        points = np.array([mesh.deformer.positions(float(frame), which) for frame in frames])
+        points = np.array(
+            [mesh.deformer.positions(float(frame), which, window.frame) for frame in frames]
+        )
     positions = points @ matrices[:, :3, :3].mT + matrices[:, None, :3, 3]
     if not np.isfinite(positions).all():
         raise SceneError(f"mesh {mesh.name!r}: its transform takes vertices to infinity")
     return np.asarray(positions)
 
 
-def _matrices(mesh: Mesh, frames: Float64) -> Float64:
+def _matrices(mesh: Mesh, frames: Float64, base: float) -> Float64:
     """World matrices ``(T, 4, 4)``, or ``(1, 4, 4)`` where they are equal."""
     if mesh.transform is None:
         return np.eye(4)[None]
     if not mesh.transform.animated:
         frames = frames[:1]
-    matrices = np.array([mesh.transform.at(float(frame)) for frame in frames])
+    matrices = np.array([mesh.transform.at(float(frame), base) for frame in frames])
     if not np.isfinite(matrices).all():
         raise SceneError(f"mesh {mesh.name!r}: its transform is not finite")
     return _merge_equal(matrices)

@@ -120,8 +120,11 @@ class Placement(Protocol):
     def jumps(self) -> list[float]:
         """Frames at which it may jump."""
 
-    def at(self, frame: float) -> Float64:
-        """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns."""
+    def at(self, frame: float, base: float | None = None) -> Float64:
+        """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns.
+
+        ``base`` is the exposure's frame, from which velocities lead on; None is ``frame``.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +162,7 @@ class Transform:
         """Frames at which the transform may jump."""
         return [frame for track in self.tracks for frame in track.jumps]
 
-    def at(self, frame: float) -> Float64:
+    def at(self, frame: float, base: float | None = None) -> Float64:
         """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns."""
         world = self._local(frame)
         node = self.parent

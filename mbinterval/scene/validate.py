@@ -12,6 +12,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from mbinterval.errors import SceneError, UsageError
+from mbinterval.scene.load import GLTF_SUFFIXES, USD_SUFFIXES
 from mbinterval.scene.schema import SceneTable, Table
 from mbinterval.settings import Settings
 
@@ -191,10 +192,11 @@ def _object(path: str, item: Mapping[str, Any]) -> Iterator[Problem]:
         for name in ("faces", "normals", "uv", "color", "color_domain"):
             if name in item:
                 yield f"{path}.{name}", "only goes with positions"
-    if str(item.get("file", "")).lower()[-4:] not in (".glb", "gltf"):
-        for name in ("clip", "fps"):
-            if name in item:
-                yield f"{path}.{name}", "only a glTF file has animation to apply it to"
+    kind = Path(str(item.get("file", ""))).suffix.lower()
+    for name, kinds in (("clip", GLTF_SUFFIXES), ("fps", (*GLTF_SUFFIXES, *USD_SUFFIXES))):
+        if name in item and kind not in kinds:
+            said = "a glTF file" if name == "clip" else "a glTF or USD file"
+            yield f"{path}.{name}", f"only {said} has animation to apply it to"
     if "visible" in item and "visibility" in item:
         yield f"{path}.visible", "is given beside visibility; give one"
     yield from _in_order(f"{path}.visibility", item.get("visibility"))

@@ -1,0 +1,155 @@
+"""UsdPreviewSurface: base colour, its texture, and what the texture is looked up by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.images import decode_image, linear_to_srgb
+from mbinterval.scene.model import Material, Texture
+
+Note = Callable[[str], None]
+
+_WRAPS = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "clamp"}
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialUse:
+    """A material, the primvar of its texture coordinates, uv -> linear @ uv + offset.
+
+    ``color`` names the primvar that gives the base colour, or is empty.
+    """
+
+    material: Material
+    uv: str = "st"
+    uv_linear: NDArray[np.float64] = field(default_factory=lambda: np.eye(2))
+    uv_offset: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    color: str = ""
+
+
+class MaterialReader:
+    """Reads each material of a stage once, when it is first used; values at the earliest time."""
+
+    def __init__(self, note: Note) -> None:
+        self._note = note
+        self._uses: dict[Any, MaterialUse] = {}
+        self._textures: dict[tuple[str, str, bool], Texture | None] = {}
+
+    def use(self, prim: Any, double_sided: bool) -> MaterialUse:
+        """Material that is bound to ``prim``; without one its colour is ``displayColor``."""
+        from pxr import UsdShade
+
+        bound, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        key = (str(bound.GetPath()) if bound else "", double_sided)
+        if key not in self._uses:
+            if bound:
+                self._uses[key] = self._read(bound, double_sided)
+            else:
+                plain = Material(double_sided=double_sided)
+                self._uses[key] = MaterialUse(plain, color="displayColor")
+        return self._uses[key]
+
+    def _read(self, bound: Any, double_sided: bool) -> MaterialUse:
+        name = bound.GetPrim().GetName()
+        shader, _, _ = bound.ComputeSurfaceSource()
+        if not shader or shader.GetShaderId() != "UsdPreviewSurface":
+            self._note(f"material {name!r} has no UsdPreviewSurface; displayColor is used")
+            return MaterialUse(Material(name=name, double_sided=double_sided), color="displayColor")
+        opacity = shader.GetInput("opacity")
+        if opacity and (opacity.HasConnectedSource() or (opacity.Get() or 1.0) < 1.0):
+            self._note(f"material {name!r}: opacity is read as 1")
+        base = shader.GetInput("diffuseColor")
+        source = _source(base)
+        material = Material(name=name, double_sided=double_sided)
+        if source is None:
+            value = _value(base, (0.18, 0.18, 0.18))
+            return MaterialUse(replace(material, base_color=_triple(value)))
+        if source.GetShaderId() == "UsdUVTexture":
+            return self._textured(material, source)
+        if source.GetShaderId().startswith("UsdPrimvarReader"):
+            return MaterialUse(material, color=str(_value(source.GetInput("varname"), "")))
+        self._note(f"material {name!r}: its colour comes from {source.GetShaderId()}; left out")
+        return MaterialUse(material)
+
+    def _textured(self, material: Material, source: Any) -> MaterialUse:
+        uv, linear, offset = _coordinates(_source(source.GetInput("st")))
+        wraps = [str(_value(source.GetInput(name), "repeat")) for name in ("wrapS", "wrapT")]
+        if wraps[0] != wraps[1]:
+            self._note(f"a texture of {material.name!r} wraps as {wraps[0]} in both directions")
+        raw = str(_value(source.GetInput("sourceColorSpace"), "auto")) == "raw"
+        file = _value(source.GetInput("file"), None)
+        scale = np.array(_value(source.GetInput("scale"), (1.0, 1.0, 1.0, 1.0)))[:3]
+        texture = None if file is None else self._image(file, _WRAPS.get(wraps[0], "repeat"), raw)
+        if texture is None:
+            fallback = _value(source.GetInput("fallback"), (0.0, 0.0, 0.0, 1.0))
+            return MaterialUse(replace(material, base_color=_triple(fallback)))
+        material = replace(material, texture=texture, base_color=_triple(scale))
+        return MaterialUse(material, uv, linear, offset)
+
+    def _image(self, file: Any, wrap: str, raw: bool) -> Texture | None:
+        """Texture of an asset path, inside a package too; None, and a note, if it is not there."""
+        from pxr import Ar
+
+        key = (file.resolvedPath or file.path, wrap, raw)
+        if key not in self._textures:
+            asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(file.resolvedPath))
+            self._textures[key] = None
+            if asset:
+                image = decode_image(bytes(asset.GetBuffer()), file.path)
+                if raw:
+                    image = _undecoded(image)
+                self._textures[key] = Texture(image, name=file.path, wrap=wrap)
+            else:
+                self._note(f"texture not found: {file.path}; its fallback colour is used")
+        return self._textures[key]
+
+
+def _undecoded(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values as the file has them, of an image that was decoded from sRGB."""
+    return np.concatenate([linear_to_srgb(image[..., :3]), image[..., 3:]], axis=-1).astype("f4")
+
+
+def _source(given: Any) -> Any:
+    """Shader that an input is connected to, through interfaces; None for a plain value."""
+    from pxr import UsdShade
+
+    if not given:
+        return None
+    for attribute in given.GetValueProducingAttributes():
+        if UsdShade.Utils.GetType(attribute.GetName()) == UsdShade.AttributeType.Output:
+            return UsdShade.Shader(attribute.GetPrim())
+    return None
+
+
+def _value(given: Any, default: Any) -> Any:
+    """Value of an input, through interfaces, at the earliest time."""
+    from pxr import Usd
+
+    for attribute in given.GetValueProducingAttributes() if given else ():
+        value = attribute.Get(Usd.TimeCode.EarliestTime())
+        if value is not None:
+            return value
+    return default
+
+
+def _coordinates(reader: Any) -> tuple[str, NDArray[np.float64], NDArray[np.float64]]:
+    """Primvar that a texture is looked up by, and a UsdTransform2d on the way."""
+    linear, offset = np.eye(2), np.zeros(2)
+    if reader is not None and reader.GetShaderId() == "UsdTransform2d":
+        angle = np.radians(float(_value(reader.GetInput("rotation"), 0.0)))
+        c, s = np.cos(angle), np.sin(angle)
+        scale = np.array(_value(reader.GetInput("scale"), (1.0, 1.0)), dtype=np.float64)
+        linear = np.array([[c, -s], [s, c]]) * scale
+        offset = np.array(_value(reader.GetInput("translation"), (0.0, 0.0)), dtype=np.float64)
+        reader = _source(reader.GetInput("in"))
+    name = "st" if reader is None else str(_value(reader.GetInput("varname"), "st"))
+    return name, linear, offset
+
+
+def _triple(value: Any) -> tuple[float, float, float]:
+    red, green, blue = (float(part) for part in list(value)[:3])
+    return red, green, blue

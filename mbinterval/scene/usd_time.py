@@ -1,0 +1,116 @@
+"""Time in a USD stage: time codes of frames, places of prims, keyed attributes, visibility."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.scene.tracks import Placement, Track
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """``rate`` is time codes per frame. It keeps its ``stage`` open for whom it tells the time."""
+
+    stage: Any
+    rate: float
+
+    def code(self, frame: float) -> Any:
+        """Return the ``Usd.TimeCode`` of ``frame``."""
+        from pxr import Usd
+
+        return Usd.TimeCode(frame * self.rate)
+
+    def frames(self, attributes: list[Any]) -> list[float]:
+        """Frames of the samples of ``attributes``, ascending."""
+        times = {time for attribute in attributes for time in attribute.GetTimeSamples()}
+        return [time / self.rate for time in sorted(times)]
+
+
+@dataclass(frozen=True, eq=False)
+class PrimPlace:
+    """The place of a prim: local to world by its xformOps, under ``root``."""
+
+    prim: Any
+    clock: Clock
+    root: Placement | None
+    animated: bool
+
+    @property
+    def jumps(self) -> list[float]:
+        """See `Placement`: xformOps are interpolated."""
+        return [] if self.root is None else self.root.jumps
+
+    def at(self, frame: float, base: float | None = None) -> Float64:
+        """See `Placement`."""
+        from pxr import UsdGeom
+
+        local = UsdGeom.Imageable(self.prim).ComputeLocalToWorldTransform(self.clock.code(frame))
+        return under(self.root, columns(local), frame)
+
+
+def prim_place(prim: Any, clock: Clock, root: Placement | None) -> PrimPlace:
+    """Place of ``prim``; whether it moves follows from all its ancestors' xformOps."""
+    from pxr import UsdGeom
+
+    ops: list[Any] = []
+    step = prim
+    while step and not step.IsPseudoRoot():
+        xformable = UsdGeom.Xformable(step)
+        if xformable:
+            ops += [op.GetAttr() for op in xformable.GetOrderedXformOps()]
+            if xformable.GetResetXformStack():
+                break
+        step = step.GetParent()
+    moving = [op for op in ops if op.ValueMightBeTimeVarying()]
+    animated = bool(moving) or (root is not None and root.animated)
+    return PrimPlace(prim, clock, root, animated)
+
+
+def columns(matrix: Any) -> Float64:
+    """Gf matrix, which acts on rows, as an array that acts on columns."""
+    return np.array(matrix, dtype=np.float64).T
+
+
+def under(root: Placement | None, matrix: Float64, frame: float) -> Float64:
+    """``matrix`` in the space of ``root`` at ``frame``."""
+    return matrix if root is None else root.at(frame) @ matrix
+
+
+def keyed(attribute: Any, clock: Clock) -> float | Track | None:
+    """Value of a number's attribute, a track where it has several samples; None without value."""
+    if attribute.GetNumTimeSamples() > 1:
+        times = attribute.GetTimeSamples()
+        values = np.array([attribute.Get(time) for time in times], dtype=np.float64)
+        return Track(np.array(times) / clock.rate, values)
+    from pxr import Usd
+
+    value = attribute.Get(Usd.TimeCode.EarliestTime())
+    return None if value is None else float(value)
+
+
+def visibility(prim: Any, clock: Clock) -> bool | Track:
+    """Whether ``prim`` is to be seen, over time where it or an ancestor appears and vanishes."""
+    from pxr import Usd, UsdGeom
+
+    imageable = UsdGeom.Imageable(prim)
+    if imageable.ComputePurpose() in (UsdGeom.Tokens.proxy, UsdGeom.Tokens.guide):
+        return False
+    attributes = []
+    step = prim
+    while step and not step.IsPseudoRoot():
+        if step.IsA(UsdGeom.Imageable):
+            attributes.append(UsdGeom.Imageable(step).GetVisibilityAttr())
+        step = step.GetParent()
+    frames = clock.frames(attributes)
+    codes = [clock.code(frame) for frame in frames] or [Usd.TimeCode.EarliestTime()]
+    hidden = UsdGeom.Tokens.invisible
+    seen = [imageable.ComputeVisibility(code) != hidden for code in codes]
+    if all(seen) or not any(seen):
+        return bool(seen[0])
+    return Track(np.array(frames), np.array(seen, float), "step")
