@@ -116,6 +116,7 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
         "filter_radius": 0.5,
         "texture_samples": 3,
         "motion_segments": 4,
+        "motion_error": 0.25,
         "seed": 5,
         "transparent": True,
         "tile_size": 8,
