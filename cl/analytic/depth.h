@@ -17,7 +17,7 @@ static void depth_from_edges(const Tile *tile, uint path_index, Place place, Dep
 {
     MovingTriangle triangle;
     load_moving(tile->scene.vertices, tile->scene.paths[path_index],
-                tile->scene.shapes[path_index].flags, &triangle);
+                tile->shapes[path_index].flags, &triangle);
     depth_of_edges(&triangle, place, curve->d, curve->e);
 }
 
@@ -30,7 +30,7 @@ static DepthCurve depth_curve(const Tile *tile, uint path_index, Place place)
 #ifdef LENS
     depth_from_edges(tile, path_index, place, &curve);
 #else
-    global const Depth *depth = tile->scene.depths + path_index;
+    global const Depth *depth = tile->depths + path_index;
     double x = place.x, y = place.y, most = 0.0, terms = 0.0;
     for (int i = 0; i < 4; i++) curve.d[i] = depth->d[i];
     for (int i = 0; i < 3; i++) {

@@ -127,7 +127,7 @@ static global int *order_by_start(Tile *tile, int count)
 
 static inline Front front_of(const Tile *tile, uint path, float t0, float t1)
 {
-    global const Shape *shape = tile->scene.shapes + path;
+    global const Shape *shape = tile->shapes + path;
     Front front = {t0, t1, shape->near, shape->far, path};
     return front;
 }
@@ -279,7 +279,7 @@ static bool envelope(Tile *tile)
         Run run = {tile->span_count, (uint)count};
         for (int k = 0; k < count; k++) {
             Front front = tile->merged[k];
-            float weight = light_until(tile, window, front.t1) - light_until(tile, window, front.t0);
+            float weight = light_until(&tile->scene, window, front.t1) - light_until(&tile->scene, window, front.t0);
             Span span = {front.t0, front.t1, weight, front.path};
             tile->spans[tile->span_count++] = span;
         }

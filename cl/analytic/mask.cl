@@ -37,8 +37,8 @@ static inline Lit lit_by(const Tile *tile, int sample, int owner)
     if (owner == FREE) return lit;
     Visit visit = owned_visit(tile, sample, owner);
     float2 window = window_of(tile, sample);
-    lit.start = light_until(tile, window, visit.t0);
-    lit.end = light_until(tile, window, visit.t1);
+    lit.start = light_until(&tile->scene, window, visit.t0);
+    lit.end = light_until(&tile->scene, window, visit.t1);
     return lit;
 }
 
@@ -95,7 +95,7 @@ static bool mask(Tile *tile)
         float2 window = window_of(tile, i);
         for (int bit = 0; bit < MASK_BITS; bit++) {
             owner[bit] = FREE;
-            centres[bit] = time_of_light(tile, window, (bit + 0.5f) * BIT);
+            centres[bit] = time_of_light(&tile->scene, window, (bit + 0.5f) * BIT);
         }
 #ifdef STATIC
         if (tile->static_depth[i] < INFINITY)

@@ -47,8 +47,8 @@ static bool append_light(Tile *tile, float2 window, float low, float high, float
                          uint source)
 {
     if (!(low < high)) return true;
-    Span span = {clamp(time_of_light(tile, window, low), t0, t1),
-                 clamp(time_of_light(tile, window, high), t0, t1), high - low, source};
+    Span span = {clamp(time_of_light(&tile->scene, window, low), t0, t1),
+                 clamp(time_of_light(&tile->scene, window, high), t0, t1), high - low, source};
     return append_span(tile, span);
 }
 
