@@ -180,7 +180,7 @@ static int gather_fronts(Tile *tile, int sample, float2 window)
         Front front = {visit.t0, visit.t1, visit.near, visit.far, visit.path};
         if (is_covered(&cover, front)) {
             bool closed = cover.t0[0] <= window.x && cover.t1[0] >= window.y;
-            if (closed && cover.far[0] < tile->scene.shapes[visit.path].near) break;
+            if (closed && cover.far[0] < tile->shapes[visit.path].near) break;
             continue;
         }
         if (count == (int)tile->capacity) return -1;
@@ -277,8 +277,8 @@ static bool envelope(Tile *tile)
         Run run = {tile->span_count, (uint)count};
         for (int k = 0; k < count; k++) {
             Front front = tile->merged[k];
-            float before = light_until(tile, window, front.t0);
-            float weight = light_until(tile, window, front.t1) - before;
+            float before = light_until(&tile->scene, window, front.t0);
+            float weight = light_until(&tile->scene, window, front.t1) - before;
             Span span = {front.t0, front.t1, weight, front.path};
             tile->spans[tile->span_count++] = span;
         }

@@ -41,7 +41,7 @@ static void begin_gather(const Tile *tile, uint path_index, Gather *g)
 {
     g->index = path_index;
     g->path = tile->scene.paths[path_index];
-    g->shape = tile->scene.shapes + path_index;
+    g->shape = tile->shapes + path_index;
     g->step = 1.0 / rint(1.0 / g->path.length);
     g->segment = rint(g->path.open / g->step);
     g->single_sided = false;

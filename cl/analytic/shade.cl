@@ -30,9 +30,9 @@ static inline Lanes part_light(const Tile *tile, const Shaded *s, Span span, int
 {
 #ifdef SHUTTER_CURVE
     float light[LANES], step = (span.t1 - span.t0) / n;
-    float before = light_until(tile, s->window, span.t0 + step * first);
+    float before = light_until(&tile->scene, s->window, span.t0 + step * first);
     for (int i = 0; i < LANES; i++) {
-        float after = light_until(tile, s->window, span.t0 + step * min(first + i + 1, n));
+        float after = light_until(&tile->scene, s->window, span.t0 + step * min(first + i + 1, n));
         light[i] = after - before;
         before = after;
     }
@@ -93,9 +93,14 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
         if (s->material.flags & MATERIAL_PHONG) {
             Lanes w = 1.0f; // depth is for what lies near
 #if defined(POINT_LIGHTS) || defined(LENS)
-            w = varying_depth(&v, t);
+            w = lanes_min(lanes_max(varying_depth(&v, t), 1e-30f), 1e30f); // not in the eye
 #endif
-            here = reflect_light(tile, s, &a, here, t, w);
+            Lanes across = 0.0f, down = 0.0f;
+#ifdef LENS
+            // A point is seen through the middle of the lens where its circle of confusion is not.
+            across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
+#endif
+            here = reflect_light(&tile->scene, s, &a, here, t, w, across, down);
         }
 #endif
         Lanes light = part_light(tile, s, span, first, n);
@@ -120,9 +125,9 @@ static float3 span_color(const Tile *tile, Span span, Place place, float2 window
     if (flat && s.mesh.color == NONE) return color;
     s.segment = (uint)(path->open / path->length + 0.5f);
     s.place = place, s.window = window;
-    load_corners(tile, &s);
+    load_corners(&tile->scene, &s);
 #ifdef PHONG
-    load_view(tile, &s);
+    load_view(&tile->scene, &s);
 #endif
     color = varying_color(tile, &s, span, color);
 #endif
