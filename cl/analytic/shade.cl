@@ -43,22 +43,6 @@ static inline Lanes part_light(const Tile *tile, const Shaded *s, Span span, int
 }
 
 #ifdef TEXTURED
-// Multiply by the texture's colour; its level is that of the span's extent over n places.
-static Lanes3 textured(const Tile *tile, const Shaded *s, const Attributes *a, float level, int n,
-                       Lanes3 color)
-{
-    Texture texture = tile->scene.textures[s->material.texture];
-    float u[LANES], v[LANES], r[LANES], g[LANES], b[LANES];
-    vstore16(a->u, 0, u), vstore16(a->v, 0, v);
-    for (int i = 0; i < LANES; i++) {
-        float3 texel = i < n ? texture_at(tile->scene.texels, texture, (float2)(u[i], v[i]), level)
-                             : (float3)(0.0f);
-        r[i] = texel.x, g[i] = texel.y, b[i] = texel.z;
-    }
-    color.x *= vload16(0, r), color.y *= vload16(0, g), color.z *= vload16(0, b);
-    return color;
-}
-
 // Mip level at which a sample's share of the span's longest extent is one texel.
 static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Span span, int n)
 {
@@ -87,7 +71,11 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
         Attributes a = attributes_at(s, &v, t);
         Lanes3 here = {base.x * a.color.x, base.y * a.color.y, base.z * a.color.z};
 #ifdef TEXTURED
-        if (has_texture) here = textured(tile, s, &a, level, n - first, here);
+        if (has_texture) {
+            Texture texture = tile->scene.textures[s->material.texture];
+            Lanes3 texel = texture_at(tile->scene.texels, texture, a.u, a.v, level, n - first);
+            here.x *= texel.x, here.y *= texel.y, here.z *= texel.z;
+        }
 #endif
 #ifdef PHONG
         if (s->material.flags & MATERIAL_PHONG) {
