@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from mbinterval.appearance import DEFAULT_MATERIAL
 from mbinterval.device import records
 from mbinterval.errors import CapacityError
-from mbinterval.scene.exposure import CameraPoses, Exposure, MeshExposure
+from mbinterval.scene.exposure import Exposure, MeshExposure
 from mbinterval.scene.model import Material
+from mbinterval.scene.poses import CameraPoses
 
 _JOB_VERTICES = 4096
 _MAX_PATHS = (1 << (32 - records.PART_BITS)) - 1
