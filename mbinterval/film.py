@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 from mbinterval.atomic import prepare_output
 from mbinterval.errors import OutputError, UsageError
 from mbinterval.exr import AttributeValue, ExrImage, read_exr, write_exr
+from mbinterval.frames import check_ending
 from mbinterval.images import write_png
-
-ENDINGS = (".exr", ".png")
-"""Endings of the files that a film can be written to."""
 
 _COLOUR = ("R", "G", "B", "A")
 
@@ -48,6 +46,8 @@ class Film:
         ``hits``, those of them that gave an interval (exact paths). Not written to files.
     transparent
         The background was left out of the colour, so that a PNG gets an alpha channel.
+    notes
+        What had to be assumed about the scene, for people. Not written to files.
     """
 
     rgba: NDArray[np.float32]
@@ -59,6 +59,7 @@ class Film:
     metadata: Mapping[str, AttributeValue] = field(default_factory=dict)
     stats: Mapping[str, int] = field(default_factory=dict)
     transparent: bool = False
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         shape = np.shape(self.rgba)[:2]
@@ -139,9 +140,7 @@ def check_output(path: str | Path) -> Path:
     OutputError
         Where the folder can't be made or written to.
     """
-    ending = Path(path).suffix
-    if ending.lower() not in ENDINGS:
-        raise UsageError(f"{path}: unknown ending {ending!r}; expected {' or '.join(ENDINGS)}")
+    check_ending(path)
     return prepare_output(path)
 
 

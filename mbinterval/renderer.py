@@ -78,6 +78,7 @@ def render(
         origin=region[:2],
         metadata=frame_metadata(scene, exposure, settings),
         transparent=settings.transparent,
+        notes=exposure.notes,
     )
 
 

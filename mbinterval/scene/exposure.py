@@ -106,6 +106,8 @@ def expose(
         notes.append("no camera: one that frames the scene was made")
     window = scene.shutter.window(scene.fps, lines)
     meshes = [mesh for mesh in scene.meshes if mesh.visible and len(mesh.faces)]
+    if not meshes:
+        notes.append("no visible mesh: only the background is seen")
     wanted = [mesh.motion_segments or (mesh.times - 1) or motion_segments or 1 for mesh in meshes]
     cameras = {
         count: camera_poses(camera, _frames(window, frame, count), aspect)

@@ -14,6 +14,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo
 from pydantic_core import PydanticCustomError
 
+from mbinterval.errors import UsageError
+from mbinterval.frames import parse_frames, parse_outputs
+
 Vector3 = tuple[float, float, float]
 
 
@@ -89,6 +92,24 @@ def _existing(value: Any, info: ValidationInfo) -> Path:
     return path
 
 
+def _frames(value: Any) -> str:
+    try:
+        parse_frames(str(_text_or_count(value)))
+    except UsageError as error:
+        raise _problem(str(error)) from None
+    return str(value)
+
+
+def _output(value: Any) -> str:
+    if not isinstance(value, str):
+        raise _problem(f"expected a string in quotes, got {value!r:.80}")
+    try:
+        parse_outputs(value)
+    except UsageError as error:
+        raise _problem(str(error)) from None
+    return value
+
+
 def _text_or_count(value: Any) -> str | int:
     if isinstance(value, bool) or not isinstance(value, str | int):
         raise _problem(f"expected a string or a whole number, got {value!r:.80}")
@@ -116,6 +137,7 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Angle = Annotated[float, Field(gt=0, lt=180)]
 Count = Annotated[int, Field(ge=1)]
+Pixels = Annotated[int, Field(ge=1, le=65536)]
 Interpolation = Literal["linear", "step"]
 
 
@@ -259,10 +281,10 @@ class GeneratorTable(Table):
 class RenderTable(Table):
     """Defaults of the command line."""
 
-    width: Count | None = None
-    height: Count | None = None
-    frames: TextOrCount | None = None
-    output: str | None = None
+    width: Pixels | None = None
+    height: Pixels | None = None
+    frames: Annotated[str | None, PlainValidator(_frames)] = None
+    output: Annotated[str | None, PlainValidator(_output)] = None
 
 
 class SceneTable(Table):
