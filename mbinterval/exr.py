@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.atomic import replacing
+from mbinterval.checks import shown
 from mbinterval.errors import OutputError
 
 AttributeValue = str | int | float | tuple[float, ...]
@@ -34,6 +35,7 @@ _FORMAT_ATTRIBUTES = (
     "type",
 )
 _NAME_BYTES = 255
+_MAGIC = b"\x76\x2f\x31\x01"
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +99,18 @@ def read_exr(path: str | Path) -> ExrImage:
     """
     import OpenEXR
 
+    if not isinstance(path, str | Path):
+        raise OutputError(f"{shown(path)}: expected the path of a file")
     path = Path(path)
     if not path.is_file():
-        raise OutputError(f"{path}: no such file")
+        raise OutputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(_MAGIC))
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if start != _MAGIC:
+        raise OutputError(f"{path}: not an EXR file, the only kind that can be read back")
     try:
         parts = OpenEXR.File(os.fspath(path), separate_channels=True).parts
     except (RuntimeError, TypeError, ValueError) as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from mbinterval.checks import shown
 from mbinterval.errors import UsageError
 
 ENDINGS = (".exr", ".png")
@@ -67,6 +68,8 @@ def parse_outputs(text: str) -> list[str]:
 
 def check_ending(path: str | Path) -> None:
     """Raise ``UsageError`` for a file that no film can be written to."""
+    if not isinstance(path, str | Path):
+        raise UsageError(f"{shown(path)}: expected the path of a file")
     ending = Path(path).suffix
     if ending.lower() not in ENDINGS:
         has = f"unknown ending {ending!r}" if ending else "no ending"

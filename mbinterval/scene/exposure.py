@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.errors import SceneError
+from mbinterval.device import records
+from mbinterval.errors import CapacityError, SceneError
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.framing import framing_camera, headlight
 from mbinterval.scene.model import Light, Mesh, Scene, Vector
@@ -192,6 +193,9 @@ def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure
         if not np.isfinite(matrices).all():
             raise SceneError(f"mesh {mesh.name!r}: its transform is not finite")
     matrices = _merge_equal(matrices)
+    arrays = (mesh.positions, mesh.normals, mesh.uv, mesh.color)
+    changes = len(matrices) > 1 or any(a is not None and a.ndim == 3 for a in arrays)
+    _check_room(mesh, count if camera_moves or changes else 1)
     mirrored = bool(np.linalg.det(matrices[0, :3, :3]) < 0.0)
     if mirrored:
         mesh = replace(mesh, faces=mesh.faces[:, ::-1])
@@ -223,6 +227,17 @@ def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure
         color=color,
         face_color=face_color,
     )
+
+
+def _check_room(mesh: Mesh, times: int) -> None:
+    """Refuse a mesh with more vertices or faces, ``times`` over, than indices of 32 bits reach."""
+    count = times * max(mesh.positions.shape[-2], len(mesh.faces))
+    if count > records.MOST_PATHS:
+        raise CapacityError(
+            f"mesh {mesh.name!r}: {mesh.positions.shape[-2]} vertices and {len(mesh.faces)} faces "
+            f"at {times} times; at most {records.MOST_PATHS} of each can be rendered: use fewer "
+            "motion segments or a smaller mesh"
+        )
 
 
 def _at_times(values: NDArray[Any], width: int, count: int) -> NDArray[Any]:

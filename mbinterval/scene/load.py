@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mbinterval.checks import shown
 from mbinterval.errors import SceneError
 from mbinterval.scene.model import Scene
 
@@ -75,7 +76,11 @@ def load_file(
     ``Settings.from_mapping({**mbinterval.load_file(path).settings, "samples": 16})``.
     """
     if isinstance(source, Mapping):
+        if base is not None and not isinstance(base, str | Path):
+            raise SceneError(f"base={shown(base)}: expected the path of a folder")
         return _from_table(source, Path(base or "."), "scene", overruled)
+    if not isinstance(source, str | Path) or "\0" in str(source):
+        raise SceneError(f"{shown(source)}: expected the path of a file, or a dict")
     path = Path(source)
     if path.is_dir():
         raise SceneError(f"{path}: is a folder; give a file in it")

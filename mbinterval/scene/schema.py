@@ -126,6 +126,7 @@ def _problem(text: str) -> PydanticCustomError:
 
 Curve = Annotated[str | tuple[float, ...], PlainValidator(_curve)]
 Vec3 = Annotated[Vector3, PlainValidator(_numbers(3))]
+Pair = Annotated[tuple[float, float], PlainValidator(_numbers(2))]
 Direction = Annotated[Vector3, PlainValidator(_up)]
 Scale = Annotated[Vector3, PlainValidator(_scale)]
 Rotation = Annotated[tuple[float, float, float, float], PlainValidator(_rotation)]
@@ -198,7 +199,7 @@ class CameraTable(Table):
     focus_distance: Positive | None = None
     blades: int | None = None
     blade_rotation: float | None = None
-    sharp_range: tuple[Positive, Positive] | None = None
+    sharp_range: Pair | None = None
     foreground_blur: NotNegative | None = None
     meters_per_unit: Positive | None = None
     interpolation: Interpolation = "linear"
