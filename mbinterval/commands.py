@@ -78,7 +78,11 @@ def info(arguments: argparse.Namespace) -> None:
     from mbinterval.describe import describe
 
     job = make_job(arguments)
-    print(describe(job.scene, job.frames[0], *job.resolution, job.settings, job.crop))
+    frame, size, count = job.frames[0], job.resolution, len(job.frames)
+    text = describe(job.scene, frame, *size, job.settings, job.crop, job.device)
+    if count > 1:
+        print(f"of {count} frames, from {frame} to {job.frames[-1]}, the first is described")
+    print(text)
 
 
 def devices(_arguments: argparse.Namespace) -> None:
