@@ -131,6 +131,7 @@ def _parser() -> argparse.ArgumentParser:
             _add_scene_options(command)
         if name == "render":
             _add_output_options(command)
+        command.usage = f"mbinterval {name}{' SCENE' if takes_scene else ''} [options]"
     return parser
 
 

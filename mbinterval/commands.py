@@ -52,16 +52,17 @@ def render(arguments: argparse.Namespace) -> None:
     with _progress(job.frames) as progress:
         for number, frame in enumerate(job.frames, start=1):
             started = time.perf_counter()
-            film = mbinterval.render(
-                job.scene,
-                frame=frame,
-                width=width,
-                height=height,
-                settings=job.settings,
-                device=job.device,
-                crop=job.crop,
-                progress=progress(number, frame),
-            )
+            with _told_of(arguments.scene, frame):
+                film = mbinterval.render(
+                    job.scene,
+                    frame=frame,
+                    width=width,
+                    height=height,
+                    settings=job.settings,
+                    device=job.device,
+                    crop=job.crop,
+                    progress=progress(number, frame),
+                )
             for note in film.notes:
                 if note not in said:
                     _log.warning("mbinterval: note: %s", note)
@@ -79,10 +80,20 @@ def info(arguments: argparse.Namespace) -> None:
 
     job = make_job(arguments)
     frame, size, count = job.frames[0], job.resolution, len(job.frames)
-    text = describe(job.scene, frame, *size, job.settings, job.crop, job.device)
+    with _told_of(arguments.scene, frame):
+        text = describe(job.scene, frame, *size, job.settings, job.crop, job.device)
     if count > 1:
         print(f"of {count} frames, from {frame} to {job.frames[-1]}, the first is described")
     print(text)
+
+
+@contextmanager
+def _told_of(scene: str, frame: int) -> Iterator[None]:
+    """Name file and frame where a scene turns out to be wrong only in a frame of it."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(f"{scene}: frame {frame}: {error}") from error
 
 
 def devices(_arguments: argparse.Namespace) -> None:

@@ -148,7 +148,8 @@ def _encoded(name: str, value: AttributeValue) -> Any:
         return value if name == "expTime" else np.array(value, dtype=np.float64)
     if len(value) in (9, 16):
         edge = math.isqrt(len(value))
-        return np.array(value, dtype=np.float32).reshape(edge, edge)
+        with np.errstate(over="ignore"):  # a camera at 1e200 is infinitely far for other programs
+            return np.array(value, dtype=np.float32).reshape(edge, edge)
     if len(value) in (2, 3):
         return np.array(value, dtype=np.float64)
     return " ".join(map(repr, value))

@@ -308,6 +308,22 @@ def test_each_error_has_its_exit_code_and_one_line(api, capsys, error, code):
     assert "Traceback" in capsys.readouterr().err
 
 
+def test_what_is_wrong_in_a_frame_of_a_scene_names_file_and_frame(api, capsys):
+    api.error, api.fail_at = errors.SceneError("camera: up is parallel to the view"), 2
+    assert cli.main(["render", "s.toml", "--frames", "1-3"]) == 3
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == "mbinterval: error: s.toml: frame 2: camera: up is parallel to the view"
+
+
+def test_usage_is_short_enough_for_the_error_to_be_seen(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["render", "s.toml", "--sample", "3"])
+    assert capsys.readouterr().err == (
+        "usage: mbinterval render SCENE [options]\n"
+        "mbinterval render: error: unknown option --sample, did you mean --samples?\n"
+    )
+
+
 def test_frames_before_an_error_stay(api, tmp_path):
     api.error, api.fail_at = errors.CapacityError("full"), 2
     assert cli.main(["render", "s.toml", "--frames", "1-3"]) == 5

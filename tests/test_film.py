@@ -289,3 +289,9 @@ def test_read_exr_keeps_foreign_attributes(tmp_path):
     channels = {"Z": np.zeros((1, 1), np.float32)}
     write_exr(tmp_path / "a.exr", ExrImage(channels, (1, 1), (0, 0), {"owner": "né", "n": (1, 2)}))
     assert read_exr(tmp_path / "a.exr").attributes == {"owner": "né", "n": (1, 2)}
+
+
+def test_a_camera_beyond_float32_is_written_without_a_warning(tmp_path):
+    matrix = tuple(np.diag([1.0, 1.0, 1e200, 1.0]).ravel().tolist())
+    path = make_film(metadata={"worldToCamera": matrix}).write(tmp_path / "a.exr")
+    assert Film.read(path).metadata["worldToCamera"][10] == np.inf
