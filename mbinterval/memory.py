@@ -13,7 +13,7 @@ from mbinterval.plan import Plan
 from mbinterval.scene.model import Texture
 
 _TEXEL = 16
-_MOTION = ("positions", "jobs", "cameras", "paths", "meshes", "face_color", "color", "uv", "normal")
+_MOTION = ("positions", "jobs", "cameras", "paths", "meshes", "color", "uv", "normal")
 
 
 def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
@@ -22,14 +22,16 @@ def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
     path = records.SHAPE.itemsize + (records.DEPTH.itemsize if plan.exact else 0) + 4  # their order
     vertices = motion.vertex_count * records.VERTEX.itemsize
     geometry = sum(getattr(motion, name).nbytes for name in _MOTION) + vertices + count * path
-    pixels = plan.crop[2] * plan.crop[3]
-    background = 12 if "-DBACKGROUND_IMAGE" in plan.options else 0
+    cropped, pixels = plan.crop[2] * plan.crop[3], plan.region[2] * plan.region[3]
+    film = 24 * pixels + (16 * cropped if "share" in plan.stages else 0)
+    if "-DBACKGROUND_IMAGE" in plan.options:
+        film += 12 * cropped
     _, _, columns, rows = tiles.tile_grid(plan)
     pool = sum(record.itemsize for record in tiles._pools(plan).values())
     return {
         "geometry": geometry,
         "textures": sum(_TEXEL * texel_count(texture) for texture in textures_of(motion)),
-        "film": (24 + background) * pixels,
+        "film": film,
         "pools": pool * (plan.capacity + tiles._LANES) * min(workers, columns * rows),
     }
 

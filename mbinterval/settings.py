@@ -154,5 +154,5 @@ def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
         if given["pattern"] != "fixed":
             found.append(("filter", "pattern", why))
         if given["filter_radius"] is not None:
-            found.append(("filter_radius", "filter", "the five-point rule has no radius"))
+            found.append(("filter_radius", "filter", "the five-point rule has none"))
     return [Conflict((a, b), f"{a}={given[a]!r} with {b}={given[b]!r}: {c}") for a, b, c in found]

@@ -128,7 +128,7 @@ def test_device_and_crop_are_those_of_the_render(monkeypatch):
 
 GROUPS = {
     "geometry": (
-        *("positions", "jobs", "cameras", "paths", "meshes", "face_color", "color", "uv", "normal"),
+        *("positions", "jobs", "cameras", "paths", "meshes", "color", "uv", "normal"),
         *("vertices", "shapes", "depths", "order"),
     ),
     "textures": ("texels",),
@@ -136,7 +136,10 @@ GROUPS = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
+FIVE_POINT = {"filter": "five_point", "samples": 1}
+
+
+@pytest.mark.parametrize("way", [*WAYS.values(), FIVE_POINT])
 @pytest.mark.parametrize("tall", [False, True])
 def test_the_memory_that_is_told_is_the_memory_that_is_taken(way, tall, monkeypatch):
     """Buffers are counted as the render asks the device for them, by their names."""
@@ -158,7 +161,7 @@ def test_the_memory_that_is_told_is_the_memory_that_is_taken(way, tall, monkeypa
         camera=UNIT_CAMERA,
         background=np.zeros((2, 2, 3)) if tall else (0, 0, 0),
     )
-    settings = mb.Settings(samples=2, **WAYS[way])
+    settings = mb.Settings(**{"samples": 2, **way})
     size = (16, 40) if tall else SIZE
     _, motion, plan = plan_of(scene, settings, *size)
     monkeypatch.setattr(Runtime, "upload", counting_upload)

@@ -68,6 +68,17 @@ def test_every_occlusion_is_taken(value):
         ({"paths": "triangulated", "pattern": "sobol"}, ("pattern", "paths"), "pattern='fixed'"),
         ({"max_intervals": 90}, ("max_intervals", "paths"), "paths='triangulated'"),
         ({"partial_bits": True}, ("partial_bits", "occlusion"), "32 to 1024"),
+        ({"filter": "five_point"}, ("filter", "samples"), "use filter='box'"),
+        (
+            {"filter": "five_point", "samples": 1, "pattern": "sobol"},
+            ("filter", "pattern"),
+            "use filter='box'",
+        ),
+        (
+            {"filter": "five_point", "samples": 1, "filter_radius": 1.0},
+            ("filter_radius", "filter"),
+            "has none",
+        ),
     ],
 )
 def test_settings_that_do_not_go_together_name_both_and_the_remedy(values, names, remedy):
