@@ -12,8 +12,9 @@ import numpy as np
 
 from mbinterval import __version__
 from mbinterval.exr import AttributeValue
-from mbinterval.scene.exposure import CameraPoses, Exposure
+from mbinterval.scene.exposure import Exposure
 from mbinterval.scene.model import Scene
+from mbinterval.scene.poses import CameraPoses
 from mbinterval.scene.tracks import Track
 from mbinterval.settings import Settings
 

@@ -13,43 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.errors import SceneError
+from mbinterval.device import records
+from mbinterval.errors import CapacityError, SceneError
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.framing import framing_camera, headlight
 from mbinterval.scene.model import Light, Mesh, Scene, Vector
-from mbinterval.scene.tracks import Track
+from mbinterval.scene.poses import CameraPoses, camera_poses
 
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
-
-
-@dataclass(frozen=True, eq=False)
-class CameraPoses:
-    """The camera at T times.
-
-    Attributes
-    ----------
-    eye
-        ``(T, 3)`` world position.
-    rotation
-        ``(T, 3, 3)`` world to camera; rows are the camera's x, y and z axes in the world.
-    focal
-        ``(T,)`` focal length as a fraction of the image's height.
-    aperture, focus
-        ``(T,)`` radius of the lens, 0 for a pinhole, and distance in focus, in world units.
-    """
-
-    eye: Float64
-    rotation: Float64
-    focal: Float64
-    aperture: Float64
-    focus: Float64
-
-    @property
-    def moves(self) -> bool:
-        """Whether any pose differs from the first."""
-        parts = (self.eye, self.rotation, self.focal, self.aperture, self.focus)
-        return any(np.any(part != part[:1]) for part in parts)
 
 
 @dataclass(frozen=True)
@@ -135,6 +107,8 @@ def expose(
         notes.append("no camera: one that frames the scene was made")
     window = scene.shutter.window(scene.fps, lines)
     meshes = [mesh for mesh in scene.meshes if mesh.visible and len(mesh.faces)]
+    if not meshes:
+        notes.append("no visible mesh: only the background is seen")
     wanted = [mesh.motion_segments or (mesh.times - 1) or motion_segments or 1 for mesh in meshes]
     cameras = {
         count: camera_poses(camera, _frames(window, frame, count), aspect)
@@ -219,6 +193,9 @@ def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure
         if not np.isfinite(matrices).all():
             raise SceneError(f"mesh {mesh.name!r}: its transform is not finite")
     matrices = _merge_equal(matrices)
+    arrays = (mesh.positions, mesh.normals, mesh.uv, mesh.color)
+    changes = len(matrices) > 1 or any(a is not None and a.ndim == 3 for a in arrays)
+    _check_room(mesh, count if camera_moves or changes else 1)
     mirrored = bool(np.linalg.det(matrices[0, :3, :3]) < 0.0)
     if mirrored:
         mesh = replace(mesh, faces=mesh.faces[:, ::-1])
@@ -252,6 +229,17 @@ def expose_mesh(mesh: Mesh, frames: Float64, camera_moves: bool) -> MeshExposure
     )
 
 
+def _check_room(mesh: Mesh, times: int) -> None:
+    """Refuse a mesh with more vertices or faces, ``times`` over, than indices of 32 bits reach."""
+    count = times * max(mesh.positions.shape[-2], len(mesh.faces))
+    if count > records.MOST_PATHS:
+        raise CapacityError(
+            f"mesh {mesh.name!r}: {mesh.positions.shape[-2]} vertices and {len(mesh.faces)} faces "
+            f"at {times} times; at most {records.MOST_PATHS} of each can be rendered: use fewer "
+            "motion segments or a smaller mesh"
+        )
+
+
 def _at_times(values: NDArray[Any], width: int, count: int) -> NDArray[Any]:
     """``(T, N, width)`` values interpolated to ``count`` times, or ``(1, N, width)``."""
     if values.ndim == 2:
@@ -273,70 +261,3 @@ def _merge_equal(values: NDArray[Any]) -> NDArray[Any]:
 def _cofactors(matrix: Float64) -> Float64:
     a, b, c = matrix
     return np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-
-
-def camera_poses(camera: Camera, frames: Float64, aspect: float) -> CameraPoses:
-    """Poses of ``camera`` at ``frames``, shape (T,)."""
-    eyes, rotations, focals, apertures, focuses = [], [], [], [], []
-    for frame in map(float, frames):
-        if camera.transform is not None:
-            matrix = camera.transform.at(frame)
-            eye, axes = matrix[:3, 3], matrix[:3, :3].T
-            lengths = np.linalg.norm(axes, axis=1, keepdims=True)
-            if not lengths.all():
-                raise SceneError("camera: its transform is singular; check the scale keys")
-            rotation = axes / lengths
-        else:
-            eye = _keyed(camera.position, frame)
-            target = None if camera.look_at is None else _keyed(camera.look_at, frame)
-            rotation = _looking(eye, target, _keyed(camera.up, frame))
-        eyes.append(eye)
-        rotations.append(rotation)
-        focals.append(_focal(camera, frame, aspect))
-        aperture, focus = _lens(camera, frame, focals[-1])
-        apertures.append(aperture)
-        focuses.append(focus)
-    lens = np.array(apertures), np.array(focuses)
-    return CameraPoses(np.array(eyes), np.array(rotations), np.array(focals), *lens)
-
-
-def _keyed(value: Any, frame: float) -> Float64:
-    return value.at(frame) if isinstance(value, Track) else np.asarray(value, dtype=np.float64)
-
-
-def _looking(eye: Float64, target: Float64 | None, up: Float64) -> Float64:
-    """World-to-camera rotation that looks from ``eye`` at ``target``."""
-    forward = np.array([0.0, 0.0, -1.0]) if target is None else target - eye
-    distance = np.linalg.norm(forward)
-    right = np.cross(forward, up)
-    size = np.linalg.norm(right)
-    if not distance:
-        raise SceneError("camera: position and look_at are the same point; move one")
-    if size <= 1e-9 * distance * np.linalg.norm(up):
-        raise SceneError("camera: up is parallel to the view; give another up vector")
-    forward, right = forward / distance, right / size
-    return np.array([right, np.cross(right, forward), -forward])
-
-
-def _focal(camera: Camera, frame: float, aspect: float) -> float:
-    """Focal length as a fraction of the image's height."""
-    if camera.focal_length is None:
-        fov = 45.0 if camera.fov is None else float(_keyed(camera.fov, frame))
-        return float(0.5 / np.tan(np.radians(fov) / 2.0))
-    focal = float(_keyed(camera.focal_length, frame))
-    if camera.vertical_aperture is None and camera.horizontal_aperture is not None:
-        return focal * aspect / camera.horizontal_aperture
-    return focal / (camera.vertical_aperture or 24.0)
-
-
-def _lens(camera: Camera, frame: float, focal: float) -> tuple[float, float]:
-    """Radius of the lens and distance in focus, in world units; 0 and 1 for a pinhole."""
-    if camera.f_stop is None:
-        return 0.0, 1.0
-    if camera.focal_length is None:
-        millimetres = focal * 24.0
-    else:
-        millimetres = float(_keyed(camera.focal_length, frame))
-    f_stop = float(_keyed(camera.f_stop, frame))
-    radius = millimetres * 1e-3 / camera.meters_per_unit / f_stop / 2.0
-    return radius, float(_keyed(camera.focus_distance, frame))

@@ -10,7 +10,7 @@ from mbinterval.scene.model import Camera, Light, Scene
 
 
 def framing_camera(scene: Scene) -> Camera:
-    """Make a camera that sees the whole of ``scene`` at its first frame, from front and above."""
+    """Make a camera that sees all that is visible in ``scene`` at frame 0, from front and above."""
     corners = []
     for mesh in scene.meshes:
         if mesh.visible and len(mesh.faces):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mbinterval.checks import shown
 from mbinterval.errors import SceneError
 from mbinterval.scene.model import Scene
 
@@ -30,7 +31,7 @@ class SceneFile:
     scene
         The scene.
     settings
-        Values of the ``[settings]`` table, each valid by itself; see ``Settings.from_mapping``.
+        Values of the ``[settings]`` table, for ``Settings.from_mapping``.
     render
         Values of the ``[render]`` table.
     """
@@ -52,6 +53,9 @@ def load(source: str | Path | Mapping[str, Any], base: str | Path | None = None)
         Folder that relative paths in a dict are relative to; default is the current one. In a
         file they are relative to the file.
 
+    The tables ``[settings]`` and ``[render]`` of a scene file are no part of a scene: they are
+    checked, and left to `load_file` and the command line.
+
     Raises
     ------
     SceneError
@@ -60,10 +64,23 @@ def load(source: str | Path | Mapping[str, Any], base: str | Path | None = None)
     return load_file(source, base).scene
 
 
-def load_file(source: str | Path | Mapping[str, Any], base: str | Path | None = None) -> SceneFile:
-    """Read a scene as `load` does, with the settings and render defaults of its file."""
+def load_file(
+    source: str | Path | Mapping[str, Any],
+    base: str | Path | None = None,
+    overruled: Collection[str] = (),
+) -> SceneFile:
+    """Read a scene as `load` does, with the settings and render defaults of its file.
+
+    Settings of the file must go together, but for those whose names are ``overruled``: the
+    caller joins them with values of its own, which `Settings` then checks. For example
+    ``Settings.from_mapping({**mbinterval.load_file(path).settings, "samples": 16})``.
+    """
     if isinstance(source, Mapping):
-        return _from_table(source, Path(base or "."), "scene")
+        if base is not None and not isinstance(base, str | Path):
+            raise SceneError(f"base={shown(base)}: expected the path of a folder")
+        return _from_table(source, Path(base or "."), "scene", overruled)
+    if not isinstance(source, str | Path) or "\0" in str(source):
+        raise SceneError(f"{shown(source)}: expected the path of a file, or a dict")
     path = Path(source)
     if path.is_dir():
         raise SceneError(f"{path}: is a folder; give a file in it")
@@ -71,7 +88,7 @@ def load_file(source: str | Path | Mapping[str, Any], base: str | Path | None = 
         raise SceneError(f"{path}: no such file")
     kind = path.suffix.lower()
     if kind in (".toml", ".json"):
-        return _from_table(_parse(path, kind), path.parent, str(path))
+        return _from_table(_parse(path, kind), path.parent, str(path), overruled)
     if kind == ".npz":
         from mbinterval.scene.benchmark import read_benchmark
 
@@ -119,14 +136,12 @@ def _parse(path: Path, kind: str) -> Any:
         raise SceneError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
-def _from_table(data: Any, base: Path, file: str) -> SceneFile:
+def _from_table(data: Any, base: Path, file: str, overruled: Collection[str]) -> SceneFile:
     from mbinterval.scene.build import build_scene
     from mbinterval.scene.validate import validate
 
-    table = validate(data, base, file)
+    table = validate(data, base, file, overruled)
     values = table.render.model_dump(exclude_none=True)
-    if "frames" in values:
-        values["frames"] = str(values["frames"])
     try:
         scene = build_scene(table, file)
     except SceneError as error:

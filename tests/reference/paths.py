@@ -16,7 +16,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from mbinterval.scene.exposure import CameraPoses, Exposure, MeshExposure
+from mbinterval.scene.exposure import Exposure, MeshExposure
+from mbinterval.scene.poses import CameraPoses
 
 UV, NORMAL, COLOR = slice(0, 2), slice(2, 5), slice(5, 8)
 ATTRIBUTES = 8
