@@ -39,6 +39,8 @@ __all__ = [
     "devices",
     "errors",
     "load",
+    "load_file",
+    "read_image",
     "render",
 ]
 
@@ -60,6 +62,8 @@ _HOMES = {
     "Settings": "settings",
     "devices": "device.choose",
     "load": "scene.load",
+    "load_file": "scene.load",
+    "read_image": "images",
     "render": "renderer",
 }
 """The module, below this package, of each public name."""
@@ -77,8 +81,9 @@ if TYPE_CHECKING:
         UsageError,
     )
     from mbinterval.film import Film
+    from mbinterval.images import read_image
     from mbinterval.renderer import render
-    from mbinterval.scene.load import load
+    from mbinterval.scene.load import load, load_file
     from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
     from mbinterval.scene.tracks import Track, Transform
     from mbinterval.settings import Settings

@@ -124,7 +124,7 @@ def _run_paths(work: Work, motion: Motion) -> None:
     file = "analytic/paths.cl"
     options = tuple(option for option in work.plan.options if option in ("-DEXACT", "-DLENS"))
     first = runtime.run(
-        runtime.kernel(file, "vertices", options),
+        runtime.kernel("shared/vertices.cl", "vertices", options),
         len(motion.jobs),
         *(buffers[name] for name in ("jobs", "positions", "cameras", "vertices")),
     )

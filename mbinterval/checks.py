@@ -6,11 +6,12 @@ expected. NumPy's numbers are as good as Python's; a bool is never a number.
 
 from __future__ import annotations
 
+import difflib
 import math
 import numbers
 import operator
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeVar
 
 from mbinterval.errors import MbintervalError, UsageError
@@ -69,11 +70,17 @@ def number(
     raise refuse(value, what, expected, error)
 
 
-def choice(value: Any, choices: Sequence[str], what: str, error: Error = UsageError) -> str:
-    """Return ``value``, one of ``choices``."""
-    if not isinstance(value, str) or value not in choices:
+def choice(value: Any, choices: Sequence[T], what: str, error: Error = UsageError) -> T:
+    """Return the one of ``choices``, words and whole numbers, that ``value`` is."""
+    plain = value
+    if not isinstance(value, str | bool):
+        try:
+            plain = operator.index(value)
+        except TypeError:
+            plain = None
+    if isinstance(plain, bool) or plain not in choices:
         raise refuse(value, what, f"one of {', '.join(map(repr, choices))}", error)
-    return value
+    return choices[choices.index(plain)]
 
 
 def instance(value: Any, kind: type[T], what: str, error: Error = UsageError) -> T:
@@ -84,3 +91,10 @@ def instance(value: Any, kind: type[T], what: str, error: Error = UsageError) ->
 
 
 _KINDS: dict[type, str] = {bool: "True or False", str: "a text", tuple: "a list or tuple"}
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Say which of the ``known`` names an unknown one may be meant for."""
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    return f"did you mean {near[0]}?" if near else f"known here: {', '.join(names)}"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import logging
 import os
+import re
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -14,8 +16,9 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from mbinterval import __version__, commands
+from mbinterval.checks import nearest
 from mbinterval.errors import CapacityError, MbintervalError, SceneError, UsageError
-from mbinterval.frames import parse_frames
+from mbinterval.frames import parse_frames, parse_outputs
 from mbinterval.settings import Settings
 
 _log = logging.getLogger("mbinterval")
@@ -61,7 +64,7 @@ _SETTING_HELP = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; argparse itself exits for --help and usage."""
-    arguments = _parser().parse_args(argv)
+    arguments = _arguments(list(sys.argv[1:] if argv is None else argv))
     with _messages(arguments.verbose - arguments.quiet), _interrupt_on_sigterm():
         try:
             arguments.run(arguments)
@@ -72,6 +75,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         except (Exception, KeyboardInterrupt) as error:
             return _failed(error)
     return 0
+
+
+def _arguments(argv: list[str]) -> argparse.Namespace:
+    """Parse the arguments; what is unknown is an error with the nearest known name."""
+    parser = _parser()
+    command = next((text for text in argv if not text.startswith("-")), "")
+    if argv and argv[0].startswith("-") and argv[0] not in ("-h", "--help", "--version"):
+        parser.error(f"{argv[0]}: options come after the command, as in mbinterval render SCENE")
+    if command and command not in COMMANDS:
+        parser.error(f"unknown command {command!r}, {nearest(command, COMMANDS)}")
+    arguments, rest = parser.parse_known_args(argv)
+    for text in rest:
+        command_parser = arguments.parser
+        if not text.startswith("-"):
+            command_parser.error(f"unexpected argument {text!r}")
+        name = text.split("=")[0]
+        options = re.findall(r"--[a-z-]+", command_parser.format_help())
+        near = difflib.get_close_matches(name, options, n=1)
+        hint = f"did you mean {near[0]}?" if near else "--help lists all"
+        command_parser.error(f"unknown option {name}, {hint}")
+    return arguments
 
 
 def _failed(error: BaseException) -> int:
@@ -103,13 +127,22 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mbinterval {__version__}")
     groups = parser.add_subparsers(required=True, metavar="COMMAND")
-    render = _command(groups, "render", commands.render, "render frames of a scene to EXR and PNG")
-    _add_scene_options(render)
-    _add_output_options(render)
-    info = _command(groups, "info", commands.info, "print what a render would do, and why")
-    _add_scene_options(info)
-    _command(groups, "devices", commands.devices, "list the OpenCL devices")
+    for name, (run, summary, takes_scene) in COMMANDS.items():
+        command = _command(groups, name, run, summary)
+        if takes_scene:
+            _add_scene_options(command)
+        if name == "render":
+            _add_output_options(command)
+        command.usage = f"mbinterval {name}{' SCENE' if takes_scene else ''} [options]"
     return parser
+
+
+COMMANDS = {
+    "render": (commands.render, "render frames of a scene to EXR and PNG", True),
+    "info": (commands.info, "print what a render would do, and why", True),
+    "devices": (commands.devices, "list the OpenCL devices", False),
+}
+"""What each command runs, its summary, and whether it takes a scene."""
 
 
 def _command(groups: Any, name: str, run: Any, summary: str) -> argparse.ArgumentParser:
@@ -121,7 +154,7 @@ def _command(groups: Any, name: str, run: Any, summary: str) -> argparse.Argumen
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    command.set_defaults(run=run)
+    command.set_defaults(run=run, parser=command)
     command.add_argument("-v", "--verbose", action="count", default=0, help="say more")
     command.add_argument("-q", "--quiet", action="count", default=0, help="say less")
     return command
@@ -190,6 +223,7 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         action="append",
+        type=_argument(parse_outputs),
         metavar="FILE",
         help="where to write, .exr or .png; #### or %%04d is the frame's number. May be given "
         "several times, or as a list with commas [SCENE.####.exr]",

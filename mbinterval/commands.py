@@ -6,16 +6,16 @@ import argparse
 import logging
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import mbinterval
 from mbinterval.errors import SceneError, UsageError
-from mbinterval.frames import frame_path, is_numbered, parse_frames
-from mbinterval.settings import Settings
+from mbinterval.frames import frame_path, is_numbered, parse_frames, parse_outputs
+from mbinterval.settings import SETTINGS, Settings, check_setting, conflicts
 
 _log = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ class Job:
 
 
 def render(arguments: argparse.Namespace) -> None:
-    """``mbinterval render``: every frame to every output."""
+    """``mbinterval render``: every frame to every output; each note about the scene once."""
     from mbinterval.film import check_output
 
     job = make_job(arguments)
@@ -48,18 +48,25 @@ def render(arguments: argparse.Namespace) -> None:
     for path in (path for group in paths.values() for path in group):
         check_output(path)
     width, height = job.resolution
-    with _progress(job.frames) as frames:
-        for number, frame in enumerate(frames, start=1):
+    said: set[str] = set()
+    with _progress(job.frames) as progress:
+        for number, frame in enumerate(job.frames, start=1):
             started = time.perf_counter()
-            film = mbinterval.render(
-                job.scene,
-                frame=frame,
-                width=width,
-                height=height,
-                settings=job.settings,
-                device=job.device,
-                crop=job.crop,
-            )
+            with _told_of(arguments.scene, frame):
+                film = mbinterval.render(
+                    job.scene,
+                    frame=frame,
+                    width=width,
+                    height=height,
+                    settings=job.settings,
+                    device=job.device,
+                    crop=job.crop,
+                    progress=progress(number, frame),
+                )
+            for note in film.notes:
+                if note not in said:
+                    _log.warning("mbinterval: note: %s", note)
+            said.update(film.notes)
             written = ", ".join(str(film.write(path)) for path in paths[frame])
             seconds = time.perf_counter() - started
             place = f"{number}/{len(job.frames)}"
@@ -72,7 +79,21 @@ def info(arguments: argparse.Namespace) -> None:
     from mbinterval.describe import describe
 
     job = make_job(arguments)
-    print(describe(job.scene, job.frames[0], *job.resolution, job.settings, job.crop))
+    frame, size, count = job.frames[0], job.resolution, len(job.frames)
+    with _told_of(arguments.scene, frame):
+        text = describe(job.scene, frame, *size, job.settings, job.crop, job.device)
+    if count > 1:
+        print(f"of {count} frames, from {frame} to {job.frames[-1]}, the first is described")
+    print(text)
+
+
+@contextmanager
+def _told_of(scene: str, frame: int) -> Iterator[None]:
+    """Name file and frame where a scene turns out to be wrong only in a frame of it."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(f"{scene}: frame {frame}: {error}") from error
 
 
 def devices(_arguments: argparse.Namespace) -> None:
@@ -95,18 +116,27 @@ def make_job(arguments: argparse.Namespace) -> Job:
     """Join command line and scene file; the command line wins."""
     from mbinterval.scene.load import load_file
 
-    loaded = load_file(arguments.scene, clip=arguments.clip, fps=arguments.fps)
-    given, stored = vars(arguments), loaded.render
-    outputs = given.get("output") or stored.output or f"{Path(arguments.scene).stem}.####.exr"
-    return Job(
+    given = vars(arguments)
+    overruled = {
+        name: check_setting(name, value) for name, value in given.items() if name in SETTINGS
+    }
+    loaded = load_file(arguments.scene, overruled=overruled, clip=arguments.clip, fps=arguments.fps)
+    stored = loaded.render
+    job = Job(
         scene=_scene(loaded.scene, arguments.shutter),
-        frames=tuple(arguments.frames or _frames(arguments.scene, stored.frames or "1")),
+        frames=tuple(arguments.frames or parse_frames(stored.frames or "1")),
         resolution=_resolution(arguments.width, arguments.height, stored.width, stored.height),
         crop=arguments.crop,
-        settings=_settings(arguments.scene, loaded.settings, given),
-        outputs=_outputs(outputs),
+        settings=_settings(arguments.scene, loaded.settings, overruled),
+        outputs=_outputs(given.get("output"), stored.output, arguments.scene),
         device=arguments.device,
     )
+    if not arguments.frames and not given.get("output") and stored.frames and stored.output:
+        try:
+            output_paths(job.outputs, job.frames)
+        except UsageError as error:
+            raise SceneError(f"{arguments.scene}: render: {error}") from error
+    return job
 
 
 def _scene(scene: Any, shutter: tuple[float, float] | None) -> Any:
@@ -139,22 +169,15 @@ def output_paths(outputs: Sequence[str], frames: Sequence[int]) -> dict[int, lis
     return paths
 
 
-def _settings(scene: str, stored: Mapping[str, Any], given: Mapping[str, Any]) -> Settings:
-    """Settings of the scene file under those of the command line, each blamed for its own."""
-    try:
-        Settings.from_mapping(stored)
-    except UsageError as error:
-        raise SceneError(f"{scene}: table [settings]: {error}") from error
-    known = {field.name for field in fields(Settings)}
-    overruled = {name: value for name, value in given.items() if name in known}
-    return Settings.from_mapping({**stored, **overruled})
-
-
-def _frames(scene: str, stored: str) -> list[int]:
-    try:
-        return parse_frames(stored)
-    except UsageError as error:
-        raise SceneError(f"{scene}: table [render]: {error}") from error
+def _settings(scene: str, stored: Mapping[str, Any], overruled: Mapping[str, Any]) -> Settings:
+    """Settings of the scene file under those of the command line."""
+    joined = {**stored, **overruled}
+    for conflict in conflicts(joined):
+        theirs = [name for name in conflict.names if name in stored and name not in overruled]
+        options = " or ".join(f"--{name.replace('_', '-')}" for name in theirs)
+        where = f" ({theirs[0]} is from {scene}; {options} overrules it)" if theirs else ""
+        raise UsageError(f"{conflict.text}{where}")
+    return Settings.from_mapping(joined)
 
 
 def _resolution(
@@ -170,24 +193,50 @@ def _resolution(
     return width, height
 
 
-def _outputs(given: str | Sequence[str]) -> tuple[str, ...]:
-    texts = [given] if isinstance(given, str) else given
-    return tuple(part.strip() for text in texts for part in text.split(",") if part.strip())
+def _outputs(given: Sequence[list[str]] | None, stored: str | None, scene: str) -> tuple[str, ...]:
+    if given:
+        return tuple(output for outputs in given for output in outputs)
+    return tuple(parse_outputs(stored)) if stored else (f"{Path(scene).stem}.####.exr",)
+
+
+Progress = Callable[[float], None]
 
 
 @contextmanager
-def _progress(frames: Sequence[int]) -> Iterator[Iterable[int]]:
-    """Show a bar on a terminal; log lines go above it. Elsewhere the lines say it all."""
-    if len(frames) < 2 or not sys.stderr.isatty() or not _log.isEnabledFor(logging.INFO):
-        yield frames
+def _progress(frames: Sequence[int]) -> Iterator[Callable[[int, int], Progress | None]]:
+    """Show a bar on a terminal; log lines go above it. Elsewhere the lines say it all.
+
+    What it gives takes a frame's place in the row and its number, and returns what is to be
+    told the fraction of it that is done.
+    """
+    if not sys.stderr.isatty() or not _log.isEnabledFor(logging.INFO):
+        yield lambda _place, _frame: None
         return
     from tqdm import tqdm
     from tqdm.contrib.logging import logging_redirect_tqdm
 
-    with logging_redirect_tqdm([logging.getLogger("mbinterval")]):
-        bar = tqdm(frames, unit="frame", file=sys.stderr, dynamic_ncols=True)
-        with bar:
-            yield bar
+    total = len(frames)
+    bar = tqdm(
+        total=total,
+        file=sys.stderr,
+        bar_format="{desc}{percentage:3.0f}% |{bar}| {elapsed}, {remaining} to go",
+        dynamic_ncols=True,
+        miniters=0,  # otherwise it would wait for steps as large as whole frames
+        leave=False,
+    )
+
+    def progress(place: int, frame: int) -> Progress:
+        def tell(part: float) -> None:
+            # Tiles that are done again with more room take nothing back.
+            bar.update(max(place - 1 + part - bar.n, 0.0))
+
+        bar.set_description_str(f"frame {frame} ({place}/{total}) ", refresh=False)
+        tell(0.0)
+        bar.refresh()
+        return tell
+
+    with logging_redirect_tqdm([logging.getLogger("mbinterval")]), bar:
+        yield progress
 
 
 def _timing_lines(timings: Mapping[str, float]) -> str:

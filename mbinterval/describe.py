@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from mbinterval.motion import lay_out
-from mbinterval.plan import Crop, check_crop, make_plan, roll_lines
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from mbinterval.device.runtime import Runtime, runtime
+from mbinterval.errors import DeviceError
+from mbinterval.memory import buffer_bytes, textures_of
+from mbinterval.motion import Motion, lay_out
+from mbinterval.plan import Crop, Plan, check_crop, make_plan, roll_lines
 from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.scene.mesh_exposure import MeshExposure
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
+
+_MOST_LISTED = 8
 
 
 def describe(
@@ -16,8 +26,13 @@ def describe(
     height: int,
     settings: Settings,
     crop: Crop | None = None,
+    device: Any = None,
 ) -> str:
-    """Describe the plan of ``frame`` in lines for people: effects, reasons, stages, sizes."""
+    """Describe the plan of ``frame`` in lines for people: effects, reasons, stages, sizes.
+
+    Raises ``DeviceError`` where ``device`` is given and can't be had; with None and no device at
+    all the description says so.
+    """
     rolled = roll_lines(scene, width, height)
     exposure = expose(
         scene,
@@ -29,31 +44,125 @@ def describe(
         height,
     )
     motion = lay_out(exposure, width, height)
-    plan = make_plan(exposure, motion, settings, width, height, check_crop(crop, width, height))
-    lines = [f"frame {frame:g}, {width} x {height} pixels, {settings.samples} samples per pixel"]
+    region = check_crop(crop, width, height)
+    plan = make_plan(exposure, motion, settings, width, height, region)
+    part = "" if crop is None else f", of which {','.join(map(str, region))} is rendered"
+    samples = _count(settings.samples, "sample")
+    lines = [f"frame {frame:g}, {width} x {height} pixels{part}, {samples} per pixel"]
     lines += [f"note: {note}" for note in exposure.notes]
+    lines += [f"shutter: {_shutter(exposure, scene.fps)}", f"lens: {_lens(exposure)}"]
+    lines += [f"occlusion: {_occlusion(plan)}", "effects"]
     for effect in plan.effects:
         lines.append(f"  {'on ' if effect.active else 'off'} {effect.name}: {effect.reason}")
-    lines += _mesh_lines(exposure)
+    lines += _mesh_lines(scene, exposure)
+    lines += [f"lights: {_lights(exposure, motion)}", f"textures: {_textures(motion)}"]
     lines.append(f"stages: {' '.join(plan.stages)}")
     lines.append(f"kernel options: {' '.join(plan.options)}")
     lines.append(
-        f"tiles of {plan.tile} x {plan.tile} pixels, {plan.layers} samples at a time, "
+        f"tiles of {plan.tile} x {plan.tile} pixels, {_count(plan.layers, 'sample')} at a time, "
         f"pools of {plan.capacity} records per work-item"
     )
-    return "\n".join(lines)
+    return "\n".join([*lines, *_device_lines(motion, plan, device)])
 
 
-def _mesh_lines(exposure: Exposure) -> list[str]:
-    lines = [f"{len(exposure.meshes)} mesh{'es' if len(exposure.meshes) != 1 else ''}"]
-    for mesh in exposure.meshes[:20]:
-        plural = "s" if mesh.segments > 1 else ""
-        motion = f"{mesh.segments} motion segment{plural}" if mesh.segments else "static"
-        if (mesh.open, mesh.close) != (0.0, 1.0):
-            motion += f" from {mesh.open:.4g} to {mesh.close:.4g} of the shutter"
-        if mesh.segments and mesh.reason:
-            motion += f": {mesh.reason}"
-        lines.append(f"  {mesh.mesh.name or '(unnamed)'}: {len(mesh.mesh.faces)} faces, {motion}")
-    if len(exposure.meshes) > 20:
-        lines.append(f"  and {len(exposure.meshes) - 20} more")
+def _count(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _shutter(exposure: Exposure, fps: float) -> str:
+    shutter, roll = exposure.shutter, exposure.roll
+    curve = f"{shutter.curve} curve"
+    if shutter.curve == "trapezoid":
+        curve += f" that opens in {shutter.opening:g} and closes in {shutter.closing:g} of it"
+    elif not isinstance(shutter.curve, str):
+        curve = f"a curve of {len(shutter.curve)} values"
+    if roll is not None:
+        line = "column" if roll.columns else "row"
+        return (
+            f"rolls {shutter.rolling}, from {shutter.open:g} frames on, {shutter.line_offset:g} s "
+            f"from {line} to {line}, each open for {shutter.line_exposure:g} s; {curve}"
+        )
+    seconds = (shutter.close - shutter.open) / fps
+    return f"open from {shutter.open:g} to {shutter.close:g} frames, {seconds:.4g} s; {curve}"
+
+
+def _lens(exposure: Exposure) -> str:
+    poses, camera = exposure.cameras[0], exposure.camera
+    if not poses.aperture[0] > 0.0:
+        return "a pinhole"
+    text = f"{2.0 * poses.aperture[0]:.4g} wide, in focus at {poses.focus[0]:g}"
+    if camera.sharp_range is not None:
+        text = f"{text}, sharp from {camera.sharp_range[0]:g} to {camera.sharp_range[1]:g}"
+    if camera.foreground_blur is not None:
+        text = f"{text}, blur before it up to {camera.foreground_blur:g} of the height"
+    shape = f"{camera.blades} blades" if camera.blades else "round"
+    return f"{text} (scene units), {shape}"
+
+
+def _occlusion(plan: Plan) -> str:
+    if not {"envelope", "mask", "occlude"} & set(plan.stages):
+        return "by depth alone, since nothing moves"
+    if plan.settings.occlusion == "exact":
+        return "exact in time"
+    partial = ", that begin and end inside a bit" if plan.settings.partial_bits else ""
+    return f"a mask of {plan.settings.occlusion} bits over the shutter{partial}"
+
+
+def _mesh_lines(scene: Scene, exposure: Exposure) -> list[str]:
+    count = len({mesh.index for mesh in exposure.meshes})
+    left_out = len(scene.meshes) - count
+    hidden = f", {left_out} more without faces or not visible" if left_out else ""
+    lines = [f"{count} mesh{'' if count == 1 else 'es'}{hidden}"]
+    for mesh in exposure.meshes[:_MOST_LISTED]:
+        name = mesh.mesh.name or f"mesh {mesh.index}"
+        lines.append(f"  {name}: {len(mesh.mesh.faces)} faces, {_motion(mesh)}")
+    if len(exposure.meshes) > _MOST_LISTED:
+        lines.append(f"  and {len(exposure.meshes) - _MOST_LISTED} more")
     return lines
+
+
+def _motion(mesh: MeshExposure) -> str:
+    if not mesh.segments:
+        return "static"
+    text = _count(mesh.segments, "motion segment")
+    if (mesh.open, mesh.close) != (0.0, 1.0):
+        text += f" from {mesh.open:.4g} to {mesh.close:.4g} of the shutter"
+    return f"{text}: {mesh.reason}" if mesh.reason else text
+
+
+def _lights(exposure: Exposure, motion: Motion) -> str:
+    kinds = Counter(light.kind for light in exposure.lights)
+    text = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"
+    unlit = not any(material.shading == "phong" for material in motion.materials)
+    return f"{text}; no surface reflects them" if unlit and kinds else text
+
+
+def _textures(motion: Motion) -> str:
+    used = textures_of(motion)
+    texts = [
+        f"{texture.image.shape[1]} x {texture.image.shape[0]}"
+        + (f" {texture.name}" if texture.name else "")
+        for texture in used[:_MOST_LISTED]
+    ]
+    more = [f"and {len(used) - _MOST_LISTED} more"] if len(used) > _MOST_LISTED else []
+    return ", ".join(texts + more) or "none"
+
+
+def _device_lines(motion: Motion, plan: Plan, device: Any) -> list[str]:
+    """Device and memory; pools depend on how many work-items the device runs."""
+    on: Runtime | None = None
+    try:
+        on = runtime(device)
+        named = on.device.name.strip()
+    except DeviceError as error:
+        if device is not None:
+            raise
+        named = f"none ({error})"
+    sizes = buffer_bytes(motion, plan, on.workers if on else 1)
+    each = "" if on else " for one work-item"
+    return [f"device: {named}", f"memory: {_memory(sizes)}{each}; lists of paths by tile on top"]
+
+
+def _memory(sizes: Mapping[str, int]) -> str:
+    parts = ", ".join(f"{name} {size / 2**20:.1f}" for name, size in sizes.items())
+    return f"{sum(sizes.values()) / 2**20:.1f} MiB in buffers ({parts})"

@@ -63,7 +63,7 @@ def _motion(
 
 def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     lens = any(np.any(poses.aperture > 0.0) for poses in exposure.cameras.values())
-    stop = f"f/{exposure.camera.f_stop}" if lens else "the camera is a pinhole"
+    stop = "the camera has an f_stop" if lens else "the camera is a pinhole"
     scattered = settings.pattern == "sobol"
     shape = filter_of(settings)
     weighted = shape is not None and shape.mass != 1.0
@@ -86,6 +86,8 @@ def _shutter(exposure: Exposure, moving: bool) -> tuple[Effect, ...]:
     rolls = exposure.roll is not None and moving
     columns = exposure.roll is not None and exposure.roll.columns and moving
     rolling = f"rolling={exposure.shutter.rolling!r}"
+    if not moving:
+        name = rolling = "nothing moves"
     return (
         Effect("shutter curve", curve != "box" and moving, name),
         Effect("rolling shutter", rolls, rolling, "ROLLING"),
@@ -132,9 +134,15 @@ def _published(settings: Settings, moving: bool) -> tuple[Effect, ...]:
     """Choices within the method of Hong & Oh (2017)."""
     by_depth = settings.pairing == "depth" and settings.paths == "triangulated" and moving
     partial = settings.partial_bits and settings.occlusion != "exact" and moving
+    pairs = f"pairing={settings.pairing!r}"
+    bits = f"partial_bits={settings.partial_bits}"
+    if settings.paths == "exact":
+        pairs = "exact paths have no fragments to pair"
+    if not moving:
+        pairs = bits = "nothing moves"
     return (
-        Effect("pairing by depth", by_depth, f"pairing={settings.pairing!r}", "PAIR_BY_DEPTH"),
-        Effect("partial bits", partial, f"partial_bits={settings.partial_bits}", "PARTIAL_BITS"),
+        Effect("pairing by depth", by_depth, pairs, "PAIR_BY_DEPTH"),
+        Effect("partial bits", partial, bits, "PARTIAL_BITS"),
     )
 
 

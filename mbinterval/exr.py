@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.atomic import replacing
+from mbinterval.checks import shown
 from mbinterval.errors import OutputError
 
 AttributeValue = str | int | float | tuple[float, ...]
@@ -34,6 +35,7 @@ _FORMAT_ATTRIBUTES = (
     "type",
 )
 _NAME_BYTES = 255
+_MAGIC = b"\x76\x2f\x31\x01"
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +99,18 @@ def read_exr(path: str | Path) -> ExrImage:
     """
     import OpenEXR
 
+    if not isinstance(path, str | Path):
+        raise OutputError(f"{shown(path)}: expected the path of a file")
     path = Path(path)
     if not path.is_file():
-        raise OutputError(f"{path}: no such file")
+        raise OutputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(_MAGIC))
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if start != _MAGIC:
+        raise OutputError(f"{path}: not an EXR file, the only kind that can be read back")
     try:
         parts = OpenEXR.File(os.fspath(path), separate_channels=True).parts
     except (RuntimeError, TypeError, ValueError) as error:
@@ -137,7 +148,8 @@ def _encoded(name: str, value: AttributeValue) -> Any:
         return value if name == "expTime" else np.array(value, dtype=np.float64)
     if len(value) in (9, 16):
         edge = math.isqrt(len(value))
-        return np.array(value, dtype=np.float32).reshape(edge, edge)
+        with np.errstate(over="ignore"):  # a camera at 1e200 is infinitely far for other programs
+            return np.array(value, dtype=np.float32).reshape(edge, edge)
     if len(value) in (2, 3):
         return np.array(value, dtype=np.float64)
     return " ".join(map(repr, value))

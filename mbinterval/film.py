@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 from mbinterval.atomic import prepare_output
 from mbinterval.errors import OutputError, UsageError
 from mbinterval.exr import AttributeValue, ExrImage, read_exr, write_exr
+from mbinterval.frames import check_ending
 from mbinterval.images import write_png
-
-ENDINGS = (".exr", ".png")
-"""Endings of the files that a film can be written to."""
 
 _COLOUR = ("R", "G", "B", "A")
 
@@ -48,6 +46,8 @@ class Film:
         ``hits``, those of them that gave an interval (exact paths). Not written to files.
     transparent
         The background was left out of the colour, so that a PNG gets an alpha channel.
+    notes
+        What had to be assumed about the scene, for people. Not written to files.
     """
 
     rgba: NDArray[np.float32]
@@ -59,6 +59,7 @@ class Film:
     metadata: Mapping[str, AttributeValue] = field(default_factory=dict)
     stats: Mapping[str, int] = field(default_factory=dict)
     transparent: bool = False
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         shape = np.shape(self.rgba)[:2]
@@ -100,7 +101,8 @@ class Film:
     def read(cls, path: str | Path) -> Film:
         """Read an EXR that this or another program wrote.
 
-        Without A alpha is 1, without Z depth is infinite, and without ``intervals`` they are 0.
+        Without A alpha is 1, without Z depth is infinite, and without whole ``intervals`` they
+        are 0.
 
         Raises
         ------
@@ -108,15 +110,16 @@ class Film:
             Where the file is missing, broken, cut off, or has no colour.
         """
         image = read_exr(path)
-        missing = [name for name in _COLOUR[:3] if name not in image.channels]
-        if missing:
+        if not set(_COLOUR[:3]) <= image.channels.keys():
             found = ", ".join(sorted(image.channels))
-            raise OutputError(f"{path}: no channel {' or '.join(missing)} among {found}")
+            raise OutputError(f"{path}: a film needs channels R, G and B; the file has {found}")
         shape = image.channels["R"].shape
         defaults = {"A": np.ones(shape), "Z": np.full(shape, np.inf), "intervals": np.zeros(shape)}
         channels = {**defaults, **image.channels}
+        if channels["intervals"].dtype.kind != "u":  # another program's, and no count
+            channels["intervals"] = defaults["intervals"]
         attributes = dict(image.attributes)
-        transparent = bool(attributes.pop("transparent", 0))
+        transparent = attributes.pop("transparent", 0) == 1
         return cls(
             rgba=np.stack([channels[name] for name in _COLOUR], axis=2),
             depth=channels["Z"],
@@ -139,14 +142,15 @@ def check_output(path: str | Path) -> Path:
     OutputError
         Where the folder can't be made or written to.
     """
-    ending = Path(path).suffix
-    if ending.lower() not in ENDINGS:
-        raise UsageError(f"{path}: unknown ending {ending!r}; expected {' or '.join(ENDINGS)}")
+    check_ending(path)
     return prepare_output(path)
 
 
 def _set_array(film: Film, name: str, dtype: type, shape: tuple[int, ...]) -> None:
-    array: NDArray[Any] = np.ascontiguousarray(getattr(film, name), dtype=dtype)
+    try:
+        array: NDArray[Any] = np.ascontiguousarray(getattr(film, name), dtype=dtype)
+    except (TypeError, ValueError):
+        raise UsageError(f"film: {name} is no array of numbers") from None
     if array.shape != shape:
         raise UsageError(f"film: {name} has shape {array.shape}, expected {shape}")
     object.__setattr__(film, name, array)

@@ -5,7 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from mbinterval.checks import shown
 from mbinterval.errors import UsageError
+
+ENDINGS = (".exr", ".png")
+"""Endings of the files that a film can be written to."""
 
 MOST_FRAMES = 1_000_000
 """More frames than this in one range are taken for a mistake."""
@@ -44,6 +48,32 @@ def parse_frames(text: str) -> list[int]:
             raise UsageError(f"frames {text!r}: more than {MOST_FRAMES:,} frames")
         frames |= dict.fromkeys(range(first, last + 1, step))
     return list(frames)
+
+
+def parse_outputs(text: str) -> list[str]:
+    """Files that ``text`` names, with commas between them; each ends in .exr or .png.
+
+    Raises
+    ------
+    UsageError
+        With the one that is wrong.
+    """
+    outputs = [part.strip() for part in text.split(",")]
+    for output in outputs:
+        if not output:
+            raise UsageError(f"output {text!r}: a file's name is empty; expected name.####.exr")
+        check_ending(output)
+    return outputs
+
+
+def check_ending(path: str | Path) -> None:
+    """Raise ``UsageError`` for a file that no film can be written to."""
+    if not isinstance(path, str | Path):
+        raise UsageError(f"{shown(path)}: expected the path of a file")
+    ending = Path(path).suffix
+    if ending.lower() not in ENDINGS:
+        has = f"unknown ending {ending!r}" if ending else "no ending"
+        raise UsageError(f"{path}: {has}; expected {' or '.join(ENDINGS)}")
 
 
 def is_numbered(pattern: str) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.atomic import replacing
+from mbinterval.checks import shown
 from mbinterval.errors import OutputError, SceneError
 from mbinterval.exr import read_exr
 
@@ -49,6 +50,8 @@ def read_image(path: str | Path) -> Float32:
     SceneError
         Naming the file, where it is missing, broken or of an unknown kind.
     """
+    if not isinstance(path, str | Path):
+        raise SceneError(f"image {shown(path)}: expected the path of a file")
     path = Path(path)
     if not path.is_file():
         raise SceneError(f"image {path}: no such file")
@@ -66,12 +69,16 @@ def decode_image(data: bytes, what: str) -> Float32:
 
     ``what`` names the image in errors.
     """
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     try:
         with Image.open(io.BytesIO(data)) as image:
             image.load()
             return linear_pixels(image)
+    except UnidentifiedImageError as error:  # its text has an address and no more
+        raise SceneError(
+            f"image {what}: not a kind of image that is known, or broken; save it as PNG or EXR"
+        ) from error
     except (OSError, ValueError, SyntaxError, Warning, Image.DecompressionBombError) as error:
         raise SceneError(f"image {what}: cannot be read ({error})") from error
 

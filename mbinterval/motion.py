@@ -21,7 +21,6 @@ from mbinterval.scene.model import Material
 from mbinterval.scene.poses import CameraPoses
 
 _JOB_VERTICES = 4096
-_MAX_PATHS = (1 << (32 - records.PART_BITS)) - 1
 
 Record = NDArray[np.void]
 
@@ -60,6 +59,7 @@ class Motion:
 
 def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     """Lay out ``exposure`` for a frame of ``width`` by ``height`` pixels."""
+    _check_room(exposure)
     meshes = sorted(exposure.meshes, key=lambda mesh: mesh.segments > 0)
     cameras, camera_index = _camera_table(exposure, width, height)
     materials = {id(_material(mesh)): _material(mesh) for mesh in meshes}
@@ -77,12 +77,6 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
         paths.append(_motion_paths(mesh, index, vertex))
         first += mesh.positions.shape[0] * mesh.positions.shape[1]
         vertex += (mesh.segments + 1) * mesh.positions.shape[1]
-    count = sum(map(len, paths))
-    if max(count, vertex, first) > _MAX_PATHS:
-        raise CapacityError(
-            f"{count} motion paths and {vertex} vertices; at most {_MAX_PATHS} of each fit: "
-            "use fewer motion segments or a smaller scene"
-        )
     return Motion(
         positions=_joined([mesh.positions.reshape(-1, 3) for mesh in meshes], np.float64),
         jobs=_joined(jobs, records.VERTEX_JOB),
@@ -94,6 +88,21 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
         materials=tuple(materials.values()),
         **{name: _joined(pool.arrays, np.float32) for name, pool in pools.items()},
     )
+
+
+def _check_room(exposure: Exposure) -> None:
+    """Refuse a scene that indices of 32 bits don't reach, before its arrays are built."""
+    meshes = exposure.meshes
+    paths = [len(mesh.mesh.faces) * max(mesh.segments, 1) for mesh in meshes]
+    vertices = [mesh.positions.shape[1] * (mesh.segments + 1) for mesh in meshes]
+    if max(sum(paths), sum(vertices)) > records.MOST_PATHS:
+        most = max(range(len(meshes)), key=lambda index: paths[index] + vertices[index])
+        raise CapacityError(
+            f"{sum(paths)} motion paths and {sum(vertices)} vertices, {paths[most]} and "
+            f"{vertices[most]} of them of mesh {meshes[most].mesh.name!r}; at most "
+            f"{records.MOST_PATHS} of each can be rendered: use fewer motion segments or a "
+            "smaller scene"
+        )
 
 
 _ATTRIBUTE_SIZES = {"color": 3, "uv": 2, "normal": 3}

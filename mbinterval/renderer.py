@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import operator
 import time
 from collections.abc import Callable
-from numbers import Real
 from typing import Any
 
+from mbinterval.checks import number, shown, whole_number
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
 from mbinterval.scene.model import Scene
@@ -58,8 +56,10 @@ def render(
     from mbinterval.scene.exposure import expose
 
     settings = Settings() if settings is None else settings
-    _check_arguments(scene, settings, frame)
-    width, height = _pixels("width", width), _pixels("height", height)
+    _check_arguments(scene, settings, progress)
+    frame = number(frame, "frame")
+    width = whole_number(width, "width", 1, 65536)
+    height = whole_number(height, "height", 1, 65536)
     region = check_crop(crop, width, height)
     started = time.perf_counter()
     lines = roll_lines(scene, width, height)
@@ -86,25 +86,16 @@ def render(
         origin=region[:2],
         metadata=frame_metadata(scene, exposure, settings),
         transparent=settings.transparent,
+        notes=exposure.notes,
     )
 
 
-def _check_arguments(scene: Any, settings: Any, frame: Any) -> None:
+def _check_arguments(scene: Any, settings: Any, progress: Any) -> None:
     if not isinstance(scene, Scene):
         raise UsageError(
             f"scene is {type(scene).__name__}: expected a Scene; mbinterval.load reads files"
         )
     if not isinstance(settings, Settings):
         raise UsageError(f"settings is {type(settings).__name__}: expected mbinterval.Settings")
-    if isinstance(frame, bool) or not isinstance(frame, Real) or not math.isfinite(frame):
-        raise UsageError(f"frame={frame!r}: expected a finite number")
-
-
-def _pixels(name: str, value: Any) -> int:
-    try:
-        count = operator.index(value)
-    except TypeError:
-        count = 0
-    if isinstance(value, bool) or not 1 <= count <= 65536:
-        raise UsageError(f"{name}={value!r}: expected a whole number from 1 to 65536")
-    return count
+    if progress is not None and not callable(progress):
+        raise UsageError(f"progress={shown(progress)}: expected a function of one number")

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from mbinterval.checks import number
+from mbinterval.checks import choice, instance, nearest, number, whole_number
 from mbinterval.errors import UsageError
 
 OCCLUSIONS = ("exact", 32, 64, 128, 256, 512, 1024)
 """Ways to decide visibility: exactly, or by a mask of so many bits."""
 
-_CHOICES: dict[str, tuple[str, ...]] = {
+_CHOICES: dict[str, tuple[str | int, ...]] = {
     "method": ("analytic",),
     "paths": ("exact", "triangulated"),
     "pairing": ("time", "depth"),
+    "occlusion": OCCLUSIONS,
     "pattern": ("fixed", "sobol"),
     "filter": ("box", "five_point", "triangle", "gaussian", "blackman_harris", "mitchell"),
+    "tile_size": (8, 16, 32),
 }
+_RANGES = {"samples": (1, 256), "texture_samples": (1, 1024), "seed": (0, 2**32 - 1)}
+_RANGES_OR_NONE = {"max_intervals": (1, 2**20), "motion_segments": (1, 4096)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,65 +97,69 @@ class Settings:
     tile_size: int = 16
 
     def __post_init__(self) -> None:
-        for name, choices in _CHOICES.items():
-            value = getattr(self, name)
-            if value not in choices:
-                raise UsageError(f"{name}={value!r}: expected one of {_listed(choices)}")
-        if self.occlusion not in OCCLUSIONS:
-            raise UsageError(f"occlusion={self.occlusion!r}: expected one of {_listed(OCCLUSIONS)}")
-        _check_range("samples", self.samples, 1, 256)
-        _check_range("texture_samples", self.texture_samples, 1, 1024)
-        _check_range("seed", self.seed, 0, 2**32 - 1)
-        if self.max_intervals is not None:
-            _check_range("max_intervals", self.max_intervals, 1, 2**20)
-        if self.motion_segments is not None:
-            _check_range("motion_segments", self.motion_segments, 1, 4096)
-        number(self.motion_error, "motion_error", above=0.0)
-        if self.tile_size not in (8, 16, 32):
-            raise UsageError(f"tile_size={self.tile_size!r}: expected 8, 16 or 32")
-        if self.filter_radius is not None and not 0.0 < self.filter_radius <= 8.0:
-            raise UsageError(
-                f"filter_radius={self.filter_radius!r}: expected pixels, above 0 and at most 8"
-            )
-        self._check_combinations()
-
-    def _check_combinations(self) -> None:
-        if self.paths == "triangulated" and self.pattern != "fixed":
-            raise UsageError(
-                f"pattern={self.pattern!r}: triangulated paths are rasterized in rows of samples, "
-                "which only pattern='fixed' has; use paths='exact'"
-            )
-        if self.paths == "exact" and self.max_intervals is not None:
-            raise UsageError(
-                f"max_intervals={self.max_intervals}: exact paths lose no interval; "
-                "it is for paths='triangulated'"
-            )
-        if self.filter == "five_point" and (self.samples, self.pattern) != (1, "fixed"):
-            raise UsageError(
-                "filter='five_point': it is a rule for samples=1 with pattern='fixed'; "
-                "use filter='box' with more"
-            )
-        if self.filter == "five_point" and self.filter_radius is not None:
-            raise UsageError("filter_radius: filter='five_point' has none")
-        if self.partial_bits and self.occlusion == "exact":
-            raise UsageError("partial_bits=True: occlusion='exact' has no bits; give a number")
+        for name in SETTINGS:
+            object.__setattr__(self, name, check_setting(name, getattr(self, name)))
+        for conflict in conflicts({name: getattr(self, name) for name in SETTINGS}):
+            raise UsageError(conflict.text)
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Settings:
         """Settings from keyword values; an unknown name raises with the nearest known one."""
-        known = [field.name for field in fields(cls)]
         for name in values:
-            if name not in known:
-                near = difflib.get_close_matches(name, known, n=1)
-                hint = f", did you mean {near[0]}?" if near else f"; known: {', '.join(known)}"
-                raise UsageError(f"settings: unknown name {name!r}{hint}")
+            if name not in SETTINGS:
+                raise UsageError(f"settings: unknown name {name!r}, {nearest(name, SETTINGS)}")
         return cls(**values)
 
 
-def _check_range(name: str, value: object, low: int, high: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise UsageError(f"{name}={value!r}: expected a whole number from {low} to {high}")
+SETTINGS = tuple(field.name for field in fields(Settings))
+"""Names of all settings."""
 
 
-def _listed(choices: tuple[object, ...]) -> str:
-    return ", ".join(repr(choice) for choice in choices)
+def check_setting(name: str, value: Any) -> Any:
+    """Return ``value`` as the setting ``name`` stores it.
+
+    Raises ``UsageError`` where it is wrong whatever the other settings are.
+    """
+    if name in _CHOICES:
+        return choice(value, _CHOICES[name], name)
+    if name in _RANGES:
+        return whole_number(value, name, *_RANGES[name])
+    if name in _RANGES_OR_NONE:
+        return None if value is None else whole_number(value, name, *_RANGES_OR_NONE[name])
+    if name == "motion_error":
+        return number(value, name, above=0.0)
+    if name == "filter_radius":
+        return None if value is None else number(value, name, above=0.0, high=8.0)
+    return instance(value, bool, name)
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Settings, by ``names``, that are each in order but not together; ``text`` says why."""
+
+    names: tuple[str, str]
+    text: str
+
+
+def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
+    """Find settings that don't go together; those not among ``values`` have their defaults."""
+    given = {field.name: field.default for field in fields(Settings)} | dict(values)
+    found = []
+    if given["paths"] == "triangulated" and given["pattern"] == "sobol":
+        why = "triangulated paths are rasterized in rows of samples; use pattern='fixed'"
+        found.append(("pattern", "paths", why))
+    if given["paths"] == "exact" and given["max_intervals"] is not None:
+        why = "exact paths lose no interval; max_intervals is for paths='triangulated'"
+        found.append(("max_intervals", "paths", why))
+    if given["partial_bits"] is True and given["occlusion"] == "exact":
+        why = "exact occlusion has no bits; give occlusion a number of bits, 32 to 1024"
+        found.append(("partial_bits", "occlusion", why))
+    if given["filter"] == "five_point":
+        why = "it is a rule for samples=1 with pattern='fixed'; use filter='box' with more"
+        if given["samples"] != 1:
+            found.append(("filter", "samples", why))
+        if given["pattern"] != "fixed":
+            found.append(("filter", "pattern", why))
+        if given["filter_radius"] is not None:
+            found.append(("filter_radius", "filter", "the five-point rule has none"))
+    return [Conflict((a, b), f"{a}={given[a]!r} with {b}={given[b]!r}: {c}") for a, b, c in found]

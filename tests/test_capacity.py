@@ -12,8 +12,11 @@ from kernels import render_with
 from test_determinism import SIZE, WAYS, busy_scene
 
 import mbinterval as mb
+from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, runtime
 from mbinterval.errors import CapacityError
+from mbinterval.scene import exposure as scene_exposure
+from mbinterval.scene import mesh_exposure
 from mbinterval.scene.model import Mesh, Scene
 
 WAYS = WAYS | {"triangulated, exact": {"paths": "triangulated", "occlusion": "exact"}}
@@ -156,3 +159,34 @@ def test_a_film_that_the_device_cannot_hold_is_a_capacity_error(monkeypatch):
 
 def test_capacity_errors_have_an_exit_code_of_their_own():
     assert CapacityError.exit_code == 5
+
+
+def big(name: str, times: int = 1, **fields: Any) -> Mesh:
+    """A mesh that claims 100,000 faces over 100 vertices."""
+    faces = np.broadcast_to(np.array([[0, 1, 2]], np.int32), (100_000, 3))
+    positions = np.random.default_rng(0).uniform(-1, 1, (times, 100, 3))
+    return Mesh(positions=positions, faces=faces, shading="unlit", name=name, **fields)
+
+
+def test_a_mesh_beyond_32_bits_is_refused_by_name_before_its_arrays_are_built(monkeypatch):
+    monkeypatch.setattr(mesh_exposure, "_at_times", None)  # no array is touched
+    scene = Scene(meshes=[big("swarm", 2, motion_segments=4096)], camera=UNIT_CAMERA)
+    with pytest.raises(CapacityError, match=r"mesh 'swarm': 100 vertices and 100000 faces at 4097"):
+        mb.render(scene, width=8, height=8)
+
+
+def test_what_stands_still_has_no_segments_to_refuse():
+    """4,096 motion segments are too many only for what moves."""
+    mesh = big("rock", motion_segments=4096)
+    exposure = scene_exposure.expose(Scene(meshes=[mesh], camera=UNIT_CAMERA), 1, 1.0)
+    assert exposure.meshes[0].segments == 0
+
+
+def test_a_scene_beyond_32_bits_names_its_largest_mesh(monkeypatch):
+    monkeypatch.setattr(records, "MOST_PATHS", 450_000)
+    parts = [big("dust"), big("swarm", 2, motion_segments=2), big("rock", 2)]
+    mb.render(Scene(meshes=parts, camera=UNIT_CAMERA), width=8, height=8)  # just fits
+    crowd = Scene(meshes=[*parts, big("more")], camera=UNIT_CAMERA)
+    expected = r"500000 motion paths and 700 vertices, 200000 and 300 of them of mesh 'swarm'"
+    with pytest.raises(CapacityError, match=expected):
+        mb.render(crowd, width=8, height=8)

@@ -25,9 +25,10 @@ class FakeApi:
         self.calls = []
         self.error = None
         self.fail_at = None
+        self.notes = ()
 
-    def load_file(self, path, **animation):
-        self.path, self.animation = path, animation
+    def load_file(self, path, overruled=(), **animation):
+        self.overruled, self.animation = overruled, animation
         return self.loaded
 
     def render(self, scene, **arguments):
@@ -41,6 +42,7 @@ class FakeApi:
             intervals=np.ones(size),
             timings={"paths": 0.25},
             resolution=(arguments["width"], arguments["height"]),
+            notes=self.notes,
         )
 
 
@@ -67,6 +69,7 @@ def test_render_writes_the_scene_at_its_defaults(api, tmp_path, capsys):
         "settings": Settings(),
         "device": None,
         "crop": None,
+        "progress": None,
     }
     out, err = capsys.readouterr()
     assert out == ""
@@ -148,7 +151,16 @@ def test_crop_and_device_are_passed_on(api):
         (["--crop", "1,2,0,3"], "width and height must be 1 or more"),
         (["--width", "0"], "'0' is not a whole number from 1 to 65536"),
         (["--height", "many"], "'many' is not"),
-        (["--sample", "3"], "unrecognized arguments: --sample"),
+        (["--width", "-5"], "argument --width: '-5' is not"),
+        (["--width", "64.0"], "argument --width: '64.0' is not"),
+        (["--sample", "3"], "unknown option --sample, did you mean --samples?"),
+        (["--ocllusion=64"], "unknown option --ocllusion, did you mean --occlusion?"),
+        (["--zzz"], "unknown option --zzz, --help lists all"),
+        (["other.toml"], "unexpected argument 'other.toml'"),
+        (["--output", ""], "argument -o/--output: output '': a file's name is empty"),
+        (["-o", "a.exr,,b.exr"], "output 'a.exr,,b.exr': a file's name is empty"),
+        (["--output", "a.tif"], "a.tif: unknown ending '.tif'; expected .exr or .png"),
+        (["--output", "a"], "argument -o/--output: a: no ending; expected .exr or .png"),
     ],
 )
 def test_bad_arguments_exit_2_and_name_the_option(api, capsys, arguments, message):
@@ -165,7 +177,6 @@ def test_bad_arguments_exit_2_and_name_the_option(api, capsys, arguments, messag
         (["--samples", "0"], "samples=0: expected a whole number from 1 to 256"),
         (["--samples", "2.5"], "samples=2.5: expected a whole number"),
         (["--paths", "wiggly"], "paths='wiggly': expected one of"),
-        (["--output", "a.tif"], "a.tif: unknown ending '.tif'; expected .exr or .png"),
         (["--frames", "1-2", "-o", "a.exr"], "put #### where the frame's number belongs"),
         (["--output", "a.exr,./a.exr"], "output 'a.exr' is given twice"),
     ],
@@ -181,13 +192,96 @@ def test_bad_settings_and_outputs_exit_2_before_anything_is_rendered(
     assert not list(tmp_path.iterdir())
 
 
-def test_bad_values_of_a_scene_file_are_the_scenes_fault(api, capsys):
-    api.loaded.settings = {"samples": 0}
-    assert cli.main(["render", "s.toml", "--samples", "2"]) == 3
-    assert "s.toml: table [settings]: samples=0: expected" in capsys.readouterr().err
-    api.loaded.settings, api.loaded.render = {}, RenderDefaults(frames="1..3")
-    assert cli.main(["render", "s.toml"]) == 3
-    assert "s.toml: table [render]: frames '1..3'" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["rendr", "s.toml"], "unknown command 'rendr', did you mean render?"),
+        (["s.toml"], "unknown command 's.toml', known here: render, info, devices"),
+        (["--samples", "4", "render"], "--samples: options come after the command"),
+        ([], "the following arguments are required: COMMAND"),
+    ],
+)
+def test_unknown_commands_exit_2_and_name_the_nearest(capsys, arguments, message):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(arguments)
+    assert caught.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_notes_on_the_scene_are_shown_once_per_job_even_when_quiet(api, capsys):
+    api.notes = ("no lights: a headlight was added", "no visible mesh")
+    assert cli.main(["render", "s.toml", "--frames", "1-3", "-q"]) == 0
+    assert capsys.readouterr().err.splitlines() == [f"mbinterval: note: {n}" for n in api.notes]
+
+
+@pytest.fixture
+def job(monkeypatch, tmp_path, capsys):
+    """Run the command line on a scene file with real reading and no rendering.
+
+    Gives exit code, settings that were asked for, and what was said.
+    """
+    fake = FakeApi()
+    monkeypatch.setitem(vars(mbinterval), "render", fake.render)
+    monkeypatch.chdir(tmp_path)
+
+    def run(text, *arguments):
+        fake.calls.clear()
+        (tmp_path / "s.toml").write_text(text)
+        code = cli.main(["render", "s.toml", *arguments])
+        return code, [call["settings"] for call in fake.calls], capsys.readouterr().err
+
+    return run
+
+
+def test_bad_values_of_a_scene_file_are_the_scenes_fault(job):
+    code, _, said = job("[settings]\nsamples = 0", "--samples", "2")
+    assert (code, said) == (
+        3,
+        "mbinterval: error: s.toml: settings.samples: 0: expected a whole number from 1 to 256\n",
+    )
+    code, _, said = job('[render]\nframes = "1..3"\nwidth = 70000\noutput = "a.tif"')
+    assert code == 3
+    assert "render.frames: frames '1..3': '1..3' is no frame or range" in said
+    assert "render.width: expected less than or equal to 65536, got 70000" in said
+    assert "render.output: a.tif: unknown ending '.tif'; expected .exr or .png" in said
+    both = '[render]\nframes = "1-3"\noutput = "a.exr"'
+    code, _, said = job(both)
+    assert code == 3
+    assert "s.toml: render: output 'a.exr': 3 frames would overwrite each other" in said
+    assert job(both, "--frames", "2")[0] == 0
+    assert job(both, "-o", "a.#.exr")[0] == 0
+    assert job(both, "--frames", "1-2")[0] == 2
+
+
+def test_settings_that_go_together_only_after_the_command_line_are_no_error(job):
+    """What counts is the combination that is rendered; the file's half may be half."""
+    limit = "[settings]\nmax_intervals = 90"
+    code, _, said = job(limit)
+    assert code == 3
+    assert "settings.max_intervals: max_intervals=90 with paths='exact': exact paths lose" in said
+    assert job(limit, "--samples", "2")[0] == 3
+    code, used, _ = job(limit, "--paths", "triangulated")
+    assert (code, used) == (0, [Settings(max_intervals=90, paths="triangulated")])
+    code, used, _ = job(limit, "--max-intervals", "none")
+    assert (code, used) == (0, [Settings()])
+    code, used, _ = job("[settings]\npartial_bits = true", "--occlusion", "64")
+    assert (code, used) == (0, [Settings(partial_bits=True, occlusion=64)])
+
+
+def test_settings_of_file_and_command_line_that_clash_are_the_command_lines_fault(job):
+    both = "[settings]\nmax_intervals = 90\npaths = 'triangulated'"
+    assert job(both)[0] == 0
+    code, used, said = job(both, "--paths", "exact")
+    assert (code, used) == (2, [])
+    assert "max_intervals=90 with paths='exact': exact paths lose no interval" in said
+    assert "(max_intervals is from s.toml; --max-intervals overrules it)" in said
+    code, _, said = job("", "--partial-bits")
+    assert code == 2
+    assert "partial_bits=True with occlusion='exact'" in said
+    assert "is from" not in said
+    code, _, said = job("fps = 0", "--samples", "0")  # ours first: the file isn't even read
+    assert code == 2
+    assert "samples=0" in said
 
 
 @pytest.mark.parametrize(
@@ -213,6 +307,22 @@ def test_each_error_has_its_exit_code_and_one_line(api, capsys, error, code):
     assert err.count("\n") == 1
     assert cli.main(["render", "s.toml", "-v"]) == code
     assert "Traceback" in capsys.readouterr().err
+
+
+def test_what_is_wrong_in_a_frame_of_a_scene_names_file_and_frame(api, capsys):
+    api.error, api.fail_at = errors.SceneError("camera: up is parallel to the view"), 2
+    assert cli.main(["render", "s.toml", "--frames", "1-3"]) == 3
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == "mbinterval: error: s.toml: frame 2: camera: up is parallel to the view"
+
+
+def test_usage_is_short_enough_for_the_error_to_be_seen(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["render", "s.toml", "--sample", "3"])
+    assert capsys.readouterr().err == (
+        "usage: mbinterval render SCENE [options]\n"
+        "mbinterval render: error: unknown option --sample, did you mean --samples?\n"
+    )
 
 
 def test_frames_before_an_error_stay(api, tmp_path):

@@ -26,13 +26,17 @@ from mbinterval.scene.load import SceneFile
 from mbinterval.scene.model import Scene
 
 loader = types.ModuleType("mbinterval.scene.load")
-loader.load_file = lambda path: SceneFile(Scene(meshes=()))
+loader.load_file = lambda path, **_: SceneFile(Scene(meshes=()))
 sys.modules["mbinterval.scene.load"] = loader
 
-def render(scene, *, frame, width, height, **_):
+def render(scene, *, frame, width, height, progress, **_):
     if frame == 2:
         print("working", flush=True)
         time.sleep(60)
+    if frame == 3 and progress:
+        for part in (0.25, 0.5, 0.25, 1.0):
+            time.sleep(0.2)
+            progress(part)
     pixels = np.ones((height, width))
     return Film(np.ones((height, width, 4)), pixels, pixels, {}, (width, height))
 
@@ -86,10 +90,11 @@ def test_a_frame_of_minutes_is_interrupted_soon(tmp_path):
     assert err.splitlines()[-1] == "KeyboardInterrupt"
 
 
-def test_a_bar_on_a_terminal_and_none_elsewhere(tmp_path):
+def seen_on_a_terminal(folder, *arguments):
+    """What the command line says on a terminal of 80 columns."""
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 80))
-    process = start(tmp_path, "--frames", "1,3", stdout=subprocess.DEVNULL, stderr=theirs)
+    process = start(folder, *arguments, stdout=subprocess.DEVNULL, stderr=theirs)
     os.close(theirs)
     seen = b""
     started = time.monotonic()
@@ -100,9 +105,19 @@ def test_a_bar_on_a_terminal_and_none_elsewhere(tmp_path):
             break
     os.close(ours)
     assert process.wait(30) == 0
-    assert b"2/2" in seen
-    assert b"frame/s" in seen or b"s/frame" in seen
-    assert b"frame 3 (2/2)" in seen
+    return seen.decode()
+
+
+def test_a_bar_on_a_terminal_goes_on_within_a_frame_and_none_is_elsewhere(tmp_path):
+    seen = seen_on_a_terminal(tmp_path, "--frames", "1,3")
+    # The second of two frames: its quarter is five eighths of the job; nothing is taken back.
+    bars = [part.split("%")[0] for part in seen.split("frame 3 (2/2) ")[1:] if "%" in part]
+    assert [int(bar) for bar in bars][:4] == [50, 62, 75, 75]
+    assert "to go" in seen
+    assert "frame 3 (2/2): " in seen
+    single = seen_on_a_terminal(tmp_path, "--frames", "3")
+    assert " 25% |" in single
+    assert " 50% |" in single
     plain = start(tmp_path, "--frames", "1,3", stderr=subprocess.PIPE)
     assert len(plain.communicate(timeout=60)[1].splitlines()) == 2
 

@@ -36,7 +36,8 @@ def twin(
 
 
 def exposed(scene: Scene, settings: mb.Settings, size: tuple[int, int] = SIZE) -> Exposure:
-    return expose(scene, 1.0, size[0] / size[1], settings.motion_segments)
+    counts = settings.motion_segments, 1, settings.motion_error, size[1]
+    return expose(scene, 1.0, size[0] / size[1], *counts)
 
 
 def rms(error: np.ndarray) -> float:

@@ -98,8 +98,30 @@ def test_an_exr_of_another_program_needs_only_colour(tmp_path):
     assert np.isinf(film.depth).all()
     assert not film.intervals.any()
     write_exr(tmp_path / "z.exr", ExrImage({"Z": colour["R"]}, (3, 2), (0, 0), {}))
-    with pytest.raises(OutputError, match=r"z\.exr: no channel R or G or B among Z"):
+    with pytest.raises(
+        OutputError, match=r"z\.exr: a film needs channels R, G and B; the file has Z"
+    ):
         Film.read(tmp_path / "z.exr")
+
+
+def test_what_another_program_calls_intervals_or_transparent_is_not_ours(tmp_path):
+    pixels = {name: np.full((2, 3), 0.25, np.float32) for name in "RGB"}
+    pixels["intervals"] = np.full((2, 3), np.nan, np.float32)
+    write_exr(tmp_path / "a.exr", ExrImage(pixels, (3, 2), (0, 0), {"transparent": "no"}))
+    film = Film.read(tmp_path / "a.exr")
+    assert not film.intervals.any()
+    assert not film.transparent
+
+
+@pytest.mark.parametrize("name", ["a.png", "folder", "missing.exr"])
+def test_what_is_no_exr_is_an_error_that_says_so(tmp_path, name):
+    make_film().write(tmp_path / "a.png")
+    (tmp_path / "folder").mkdir()
+    reason = {"a.png": "not an EXR file", "folder": "is a folder", "missing.exr": "no such file"}
+    with pytest.raises(OutputError, match=rf"{name}: {reason[name]}"):
+        Film.read(tmp_path / name)
+    with pytest.raises(OutputError, match="None: expected the path of a file"):
+        Film.read(None)
 
 
 @pytest.mark.parametrize("part", [0.0, 0.01, 0.3, 0.7, 0.99])
@@ -267,3 +289,9 @@ def test_read_exr_keeps_foreign_attributes(tmp_path):
     channels = {"Z": np.zeros((1, 1), np.float32)}
     write_exr(tmp_path / "a.exr", ExrImage(channels, (1, 1), (0, 0), {"owner": "né", "n": (1, 2)}))
     assert read_exr(tmp_path / "a.exr").attributes == {"owner": "né", "n": (1, 2)}
+
+
+def test_a_camera_beyond_float32_is_written_without_a_warning(tmp_path):
+    matrix = tuple(np.diag([1.0, 1.0, 1e200, 1.0]).ravel().tolist())
+    path = make_film(metadata={"worldToCamera": matrix}).write(tmp_path / "a.exr")
+    assert Film.read(path).metadata["worldToCamera"][10] == np.inf

@@ -12,7 +12,6 @@ from closed_forms import UNIT_CAMERA, rectangle, world
 from kernels import plan_of
 
 import mbinterval as mb
-from mbinterval.describe import describe
 from mbinterval.device.runtime import runtime
 from mbinterval.errors import KernelBuildError, UsageError
 from mbinterval.plan import Plan, check_crop
@@ -173,20 +172,6 @@ def test_plans_are_values():
     assert len({*same, plan(mesh(), samples=2), plan(mesh(False), samples=3)}) == 3
     with pytest.raises(dataclasses.FrozenInstanceError):
         same[0].samples = 9
-
-
-def test_the_description_lists_effects_with_reasons_and_stages():
-    scene = Scene(meshes=[mesh(name="slab"), mesh(False, name="wall")], camera=UNIT_CAMERA)
-    text = describe(scene, 1.0, *SIZE, mb.Settings(samples=2, **WAYS["triangulated"]))
-    for part in (
-        "frame 1, 32 x 16 pixels, 2 samples per pixel",
-        "on  motion: 2 motion paths",
-        "off texture: no material calls for it",
-        "slab: 2 faces, 1 motion segment",
-        "wall: 2 faces, static",
-        "stages: paths bin nearest rasterize intervals sort occlude shade resolve",
-    ):
-        assert part in text
 
 
 @pytest.mark.parametrize("crop", [(-1, 0, 4, 4), (0, 0, 33, 4), (30, 0, 4, 4), (0, 0, 0, 4)])

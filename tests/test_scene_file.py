@@ -123,7 +123,9 @@ def test_errors_of_a_transform(fields, path, text):
         ({"primitive": {"kind": "sphere", "segments": 2}}, ".primitive.segments", "expected great"),
         (QUAD | {"clip": "walk"}, ".clip", "only a glTF file"),
         ({"primitive": {"kind": "box"}, "uv": [[0, 0]]}, ".uv", "only goes with positions"),
-        (QUAD | {"color": [1, 1]}, "", "mesh '': color has shape (2,)"),
+        (QUAD | {"color": [1, 1]}, ".color", "has shape (2,), expected (3,)"),
+        (QUAD | {"name": "x", "uv": [[0, 0]]}, ".uv", "have shape (1, 2), expected (4, 2)"),
+        (QUAD | {"faces": [[0, 1, 2.5]]}, ".faces", "array([[0. , 1. , 2.5]]): expected (F, 3)"),
         (QUAD | {"motion_segments": 0}, ".motion_segments", "expected greater than or equal to 1"),
     ],
 )
@@ -144,12 +146,49 @@ def test_what_the_files_hold_is_reported_for_all_objects_at_once(tmp_path):
         + [QUAD | {"material": {"texture": "broken.png"}}],
     }
     lines = problems(table, base=tmp_path)
-    starts = ["objects[0]", "objects[2]", "objects[3]", "objects[4]", "background"]
+    starts = [f"objects[{index}].file" for index in (0, 2, 3)]
+    starts += ["objects[4].material.texture", "background"]
     assert [line.split(":")[0] for line in lines] == starts
     names = ["broken.glb", "empty.obj", "notes.txt", "broken.png", "broken.png"]
     for line, name in zip(lines, names, strict=True):
         assert str(tmp_path / name) in line
     assert "can't be read; known: " in lines[2]
+    assert lines[4].endswith("not a kind of image that is known, or broken; save it as PNG or EXR")
+
+
+def test_what_records_refuse_has_its_path_in_the_file_all_of_it_at_once():
+    table = {
+        "camera": {"sharp_range": [2, 1], "f_stop": 2, "focus_distance": 3},
+        "shutter": {"rolling": "down", "line_exposure": 0.1},
+        "lights": [{"kind": "ambient"}, {"kind": "directional", "direction": [0, 0, 1]}],
+        "objects": [QUAD, QUAD | {"name": "a", "normals": [[0, 0, 1]]}],
+        "generator": {"name": "ho17_cubes", "count": 2},
+    }
+    assert problems(table) == [
+        "objects[1].normals: have shape (1, 3), expected (4, 3)",
+        "camera.sharp_range: (2.0, 1.0): expected nearest and farthest distance, above 0",
+        "shutter: rolling without line_offset; give it in seconds",
+    ]
+
+
+def test_settings_that_do_not_go_together_are_reported_beside_other_errors():
+    """Each by the field that the file gives; beside a partner that is wrong itself, nothing."""
+    table = {"fps": 0, "settings": {"max_intervals": 90, "partial_bits": True, "samples": 0}}
+    found = dict(line.split(": ", 1) for line in problems(table))
+    assert set(found) == {"fps"} | {
+        f"settings.{name}" for name in ("max_intervals", "partial_bits", "samples")
+    }
+    assert found["settings.max_intervals"].startswith("max_intervals=90 with paths='exact': exact")
+    assert found["settings.partial_bits"].endswith("give occlusion a number of bits, 32 to 1024")
+    table = {"settings": {"max_intervals": 90, "paths": "exakt"}}
+    assert [line.split(":")[0] for line in problems(table)] == ["settings.paths"]
+    table = {"settings": {"pattern": "sobol", "paths": "triangulated"}}
+    assert problems(table)[0].startswith("settings.pattern: pattern='sobol' with paths='triang")
+    # What a caller overrules is judged by Settings, once it is joined with the caller's values.
+    table = {"settings": {"max_intervals": 90}}
+    assert load_file(table, overruled=["paths"]).settings == {"max_intervals": 90}
+    with pytest.raises(SceneError, match=r"settings\.max_intervals"):
+        load_file(table, overruled=["occlusion"])
 
 
 TOML = """

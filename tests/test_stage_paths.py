@@ -180,7 +180,7 @@ def test_vertices_far_from_the_origin_keep_their_precision():
     motion = lay_out(expose(Scene(meshes=[mesh], camera=camera), 1.0, 1.5), *SIZE)
     arguments = [motion.jobs, motion.positions, motion.cameras]
     output = np.zeros(motion.vertex_count, records.VERTEX)
-    found = run("analytic/paths.cl", "vertices", [*arguments, output], items=len(motion.jobs))[-1]
+    found = run("shared/vertices.cl", "vertices", [*arguments, output], items=len(motion.jobs))[-1]
     focal = 0.5 / np.tan(np.radians(20.0)) * SIZE[1]
     x, y, w = offsets[..., 0], offsets[..., 1], -offsets[..., 2]
     want = np.stack([focal * x + SIZE[0] / 2 * w, -focal * y + SIZE[1] / 2 * w, w])

@@ -231,7 +231,8 @@ def compare(
     scene: Scene, size: tuple[int, int], settings: mb.Settings, crop: Crop | None = None
 ) -> Comparison:
     x, y, width, height = crop or (0, 0, *size)
-    exposure = expose(scene, 1.0, size[0] / size[1], settings.motion_segments)
+    counts = settings.motion_segments, 1, settings.motion_error, size[1]
+    exposure = expose(scene, 1.0, size[0] / size[1], *counts)
     paths = paths_of(exposure, *size, attributes=False)
     delicate = np.zeros(width * height, dtype=bool)
     for offset in fixed_pattern(settings.samples).astype(np.float64):

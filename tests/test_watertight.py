@@ -137,7 +137,7 @@ def seen(positions: np.ndarray, camera: Camera, faces: np.ndarray) -> Sweep:
     motion = lay_out(exposure, *SIZE)
     table = np.zeros(motion.vertex_count, records.VERTEX)
     given = [motion.jobs, motion.positions, motion.cameras, table]
-    table = run("analytic/paths.cl", "vertices", given, ["-DEXACT"], len(motion.jobs))[-1]
+    table = run("shared/vertices.cl", "vertices", given, ["-DEXACT"], len(motion.jobs))[-1]
     points = np.stack([table[name] for name in "xyw"], axis=1)
     return Sweep(points.reshape(2, -1, 3), faces)
 

@@ -17,7 +17,7 @@ static void depth_from_edges(const Tile *tile, uint path_index, Place place, Dep
 {
     MovingTriangle triangle;
     load_moving(tile->scene.vertices, tile->scene.paths[path_index],
-                tile->scene.shapes[path_index].flags, &triangle);
+                tile->shapes[path_index].flags, &triangle);
     depth_of_edges(&triangle, place, curve->d, curve->e);
 }
 
@@ -27,7 +27,7 @@ static void depth_from_edges(const Tile *tile, uint path_index, Place place, Dep
 static DepthCurve depth_curve(const Tile *tile, uint path_index, Place place)
 {
     DepthCurve curve;
-    global const Depth *depth = tile->scene.depths + path_index;
+    global const Depth *depth = tile->depths + path_index;
     curve.open = depth->open, curve.length = depth->length;
 #ifdef LENS
     depth_from_edges(tile, path_index, place, &curve);

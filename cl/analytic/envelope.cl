@@ -87,11 +87,12 @@ static void rank_keys(global float *keys, int count, global int *ranks)
     for (int k = count; k % LANES != 0; k++) keys[k] = INFINITY;
     for (int first = 0; first < count; first += LANES) {
         Lanes key = vload16(0, keys + first);
-        LaneMask place = first + convert_int16(LANE_INDEX), rank = 0;
-        for (int k = 0; k < count; k++) {
-            Lanes other = keys[k];
-            rank -= (other < key) | ((other == key) & (k < place));
-        }
+        LaneMask place = convert_int16(LANE_INDEX), rank = 0;
+        int last = min(first + LANES, count);
+        for (int k = 0; k < first; k++) rank -= keys[k] <= key;
+        for (int k = first; k < last; k++)
+            rank -= (keys[k] < key) | ((keys[k] == key) & (k - first < place));
+        for (int k = last; k < count; k++) rank -= keys[k] < key;
         vstore16(rank, 0, ranks + first);
     }
 }
@@ -180,7 +181,7 @@ static int gather_fronts(Tile *tile, int sample, float2 window)
         Front front = {visit.t0, visit.t1, visit.near, visit.far, visit.path};
         if (is_covered(&cover, front)) {
             bool closed = cover.t0[0] <= window.x && cover.t1[0] >= window.y;
-            if (closed && cover.far[0] < tile->scene.shapes[visit.path].near) break;
+            if (closed && cover.far[0] < tile->shapes[visit.path].near) break;
             continue;
         }
         if (count == (int)tile->capacity) return -1;
@@ -277,8 +278,8 @@ static bool envelope(Tile *tile)
         Run run = {tile->span_count, (uint)count};
         for (int k = 0; k < count; k++) {
             Front front = tile->merged[k];
-            float before = light_until(tile, window, front.t0);
-            float weight = light_until(tile, window, front.t1) - before;
+            float before = light_until(&tile->scene, window, front.t0);
+            float weight = light_until(&tile->scene, window, front.t1) - before;
             Span span = {front.t0, front.t1, weight, front.path};
             tile->spans[tile->span_count++] = span;
         }

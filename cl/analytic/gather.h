@@ -41,7 +41,7 @@ static void begin_gather(const Tile *tile, uint path_index, Gather *g)
 {
     g->index = path_index;
     g->path = tile->scene.paths[path_index];
-    g->shape = tile->scene.shapes + path_index;
+    g->shape = tile->shapes + path_index;
     g->open = g->path.open, g->length = (double)g->path.close - g->path.open;
     g->single_sided = false;
 #ifdef SINGLE_SIDED

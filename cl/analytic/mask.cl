@@ -66,7 +66,7 @@ static bool mask(Tile *tile)
         float2 window = window_of(tile, i);
         for (int bit = 0; bit < MASK_BITS; bit++) {
             owner[bit] = FREE;
-            centres[bit] = time_of_light(tile, window, (bit + 0.5f) * BIT);
+            centres[bit] = time_of_light(&tile->scene, window, (bit + 0.5f) * BIT);
         }
 #ifdef STATIC
         if (tile->static_depth[i] < INFINITY)

@@ -34,8 +34,8 @@ static int next_bit(const uint *mask, int bit, bool value)
 static inline bool take_bits(const Tile *tile, float2 window, uint *taken, Interval interval,
                              uint *visible)
 {
-    int low = first_bit(light_until(tile, window, interval.t0));
-    int high = first_bit(light_until(tile, window, interval.t1));
+    int low = first_bit(light_until(&tile->scene, window, interval.t0));
+    int high = first_bit(light_until(&tile->scene, window, interval.t1));
     uint any_visible = 0u;
     for (int k = 0; k < WORDS; k++) {
         visible[k] = bits_between(low - 32 * k, high - 32 * k) & ~taken[k];
@@ -116,7 +116,7 @@ static bool append_stretch(Tile *tile, float2 window, float t0, float t1, uint i
 {
     if (!(t0 < t1)) return true;
     if (tile->span_count == tile->capacity) return false;
-    float weight = light_until(tile, window, t1) - light_until(tile, window, t0);
+    float weight = light_until(&tile->scene, window, t1) - light_until(&tile->scene, window, t0);
     Span span = {t0, t1, weight, index};
     tile->spans[tile->span_count++] = span;
     return true;

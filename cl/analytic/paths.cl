@@ -1,6 +1,5 @@
-// Stage "paths": vertices in homogeneous pixel space at the ends of every motion segment, and the
-// shape of every motion path: planes that bound it on screen, when it faces the viewer, and which
-// of its moving edges cross on screen (Hong & Oh 2017, 4.2).
+// Stage "paths": the shape of every motion path: planes that bound it on screen, when it faces the
+// viewer, and which of its moving edges cross on screen (Hong & Oh 2017, 4.2).
 #include "shared/records.h"
 #include "shared/bernstein.h"
 
@@ -12,40 +11,6 @@ static double3 cross_product(double3 a, double3 b)
 }
 
 static double dot_product(double3 a, double3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
-#ifdef LENS
-// Circle of confusion at depth w, in pixels, times w: affine in w for a thin lens. In the extended
-// range in focus it is zero, and beyond continuous; before the focus it is limited (Wu et al. 2015,
-// 3.4; Munkberg et al. 2012).
-static double lens_circle(const Camera *camera, double w)
-{
-    double scale = camera->aperture;
-    double circle = scale * (w / camera->focus - 1.0);
-    double near = scale * (camera->sharp_near / camera->focus - 1.0);
-    double far = scale * (camera->sharp_far / camera->focus - 1.0);
-    circle -= clamp(circle, near, far);
-    return fmax(circle, -camera->foreground * fmax(w, 0.0));
-}
-#endif
-
-// World positions to homogeneous pixel space, relative to the eye before anything is rounded.
-kernel void vertices(global const VertexJob *jobs, global const double *positions,
-                     global const Camera *cameras, global Vertex *output)
-{
-    VertexJob job = jobs[get_global_id(0)];
-    Camera camera = cameras[job.camera];
-    const double *m = camera.matrix;
-    for (uint i = 0; i < job.count; i++) {
-        global const double *p = positions + 3 * ((size_t)job.input + i);
-        double x = p[0] - camera.eye[0], y = p[1] - camera.eye[1], z = p[2] - camera.eye[2];
-        Vertex v = {m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z,
-                    m[6] * x + m[7] * y + m[8] * z, 0.0};
-#ifdef LENS
-        v.circle = lens_circle(&camera, v.w);
-#endif
-        output[job.output + i] = v;
-    }
-}
 
 // Planes through the eye and two of the six corners that have all six on one side: what the path
 // covers lies inside all of them, in front of the eye or behind it (DESIGN.md 3.2). Each is pushed

@@ -8,25 +8,8 @@
 // Lens points are a net of their own, whose order is shuffled (Burley 2020), mapped to a disc
 // (Shirley & Chiu 1997) or to a polygon of blades.
 #include "analytic/tile.h"
-
-// A good 32-bit integer mixer (lowbias32, Wellons 2018).
-static inline uint mix_bits(uint x)
-{
-    x ^= x >> 16;
-    x *= 0x7feb352du;
-    x ^= x >> 15;
-    x *= 0x846ca68bu;
-    return x ^ x >> 16;
-}
-
-static inline uint reverse_bits(uint x)
-{
-    x = x << 16 | x >> 16;
-    x = (x & 0x00ff00ffu) << 8 | (x >> 8 & 0x00ff00ffu);
-    x = (x & 0x0f0f0f0fu) << 4 | (x >> 4 & 0x0f0f0f0fu);
-    x = (x & 0x33333333u) << 2 | (x >> 2 & 0x33333333u);
-    return (x & 0x55555555u) << 1 | (x >> 1 & 0x55555555u);
-}
+#include "shared/bits.h"
+#include "shared/lens.h"
 
 // Owen's scrambling of the `count` highest bits: each bit is flipped by a random number that
 // depends on the bits above it. Lower bits become random. `back` undoes it.
@@ -72,29 +55,6 @@ static float2 net_point(uint l, uint seed)
 }
 
 #ifdef LENS
-
-// Area-preserving map of the unit square to the unit disc.
-static float2 square_to_disc(float2 square)
-{
-    float x = 2.0f * square.x - 1.0f, y = 2.0f * square.y - 1.0f;
-    if (x == 0.0f && y == 0.0f) return (float2)(0.0f);
-    bool wide = fabs(x) > fabs(y);
-    float radius = wide ? x : y;
-    float angle = wide ? M_PI_4_F * (y / x) : M_PI_2_F - M_PI_4_F * (x / y);
-    return radius * (float2)(cos(angle), sin(angle));
-}
-
-#ifdef BLADES
-// Likewise to the regular polygon of BLADES sides within the unit disc.
-static float2 square_to_polygon(float2 square)
-{
-    float scaled = square.x * BLADES, blade = floor(scaled), along = scaled - blade;
-    float step = 2.0f * M_PI_F / BLADES, a = blade * step + BLADE_ROTATION;
-    float out = sqrt(square.y);
-    float2 p = (float2)(cos(a), sin(a)), q = (float2)(cos(a + step), sin(a + step));
-    return out * mix(p, q, along);
-}
-#endif
 
 static float2 lens_point(uint l, uint seed)
 {

@@ -100,7 +100,7 @@ static bool rasterize_samples(Tile *tile, const Surface *surface, uint path_inde
 static bool rasterize_rows(Tile *tile, const Surface *surface, uint path_index, int first_row)
 {
     int first[LANES], last[LANES];
-    global const Shape *shape = tile->scene.shapes + path_index;
+    global const Shape *shape = tile->shapes + path_index;
     if (!walk_rows(tile, shape, first_row, first, last)) return true;
     Path path = tile->scene.paths[path_index];
     for (int i = 0; i < min(LANES, TILE - first_row % TILE); i++) {
@@ -127,7 +127,7 @@ static bool rasterize(Tile *tile)
         uint path_index = tile->members[k];
         Surface surface;
         load_surface(tile->scene.vertices, tile->scene.paths[path_index],
-                     tile->scene.shapes + path_index, &surface);
+                     tile->shapes + path_index, &surface);
         for (int row = 0; row < ROWS; row += min(LANES, TILE))
             if (row + LANES > tile->row_low && row < tile->row_high
                 && !rasterize_rows(tile, &surface, path_index, row))

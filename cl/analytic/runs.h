@@ -31,8 +31,8 @@ static bool append_light(Tile *tile, float2 window, float low, float high, float
                          uint source)
 {
     if (!(low < high)) return true;
-    Span span = {clamp(time_of_light(tile, window, low), t0, t1),
-                 clamp(time_of_light(tile, window, high), t0, t1), high - low, source};
+    Span span = {clamp(time_of_light(&tile->scene, window, low), t0, t1),
+                 clamp(time_of_light(&tile->scene, window, high), t0, t1), high - low, source};
     return append_span(tile, span);
 }
 
@@ -60,8 +60,8 @@ static inline Lit lit_by(const Tile *tile, int sample, int owner)
     if (owner == FREE) return lit;
     float2 window = window_of(tile, sample);
     lit.interval = owned_by(tile, sample, owner);
-    lit.start = light_until(tile, window, lit.interval.t0);
-    lit.end = light_until(tile, window, lit.interval.t1);
+    lit.start = light_until(&tile->scene, window, lit.interval.t0);
+    lit.end = light_until(&tile->scene, window, lit.interval.t1);
     return lit;
 }
 

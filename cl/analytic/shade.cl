@@ -30,9 +30,9 @@ static inline Lanes part_light(const Tile *tile, const Shaded *s, Span span, int
 {
 #ifdef SHUTTER_CURVE
     float light[LANES], step = (span.t1 - span.t0) / n;
-    float before = light_until(tile, s->window, span.t0 + step * first);
+    float before = light_until(&tile->scene, s->window, span.t0 + step * first);
     for (int i = 0; i < LANES; i++) {
-        float after = light_until(tile, s->window, span.t0 + step * min(first + i + 1, n));
+        float after = light_until(&tile->scene, s->window, span.t0 + step * min(first + i + 1, n));
         light[i] = after - before;
         before = after;
     }
@@ -43,22 +43,6 @@ static inline Lanes part_light(const Tile *tile, const Shaded *s, Span span, int
 }
 
 #ifdef TEXTURED
-// Multiply by the texture's colour; its level is that of the span's extent over n places.
-static Lanes3 textured(const Tile *tile, const Shaded *s, const Attributes *a, float level, int n,
-                       Lanes3 color)
-{
-    Texture texture = tile->scene.textures[s->material.texture];
-    float u[LANES], v[LANES], r[LANES], g[LANES], b[LANES];
-    vstore16(a->u, 0, u), vstore16(a->v, 0, v);
-    for (int i = 0; i < LANES; i++) {
-        float3 texel = i < n ? texture_at(tile->scene.texels, texture, (float2)(u[i], v[i]), level)
-                             : (float3)(0.0f);
-        r[i] = texel.x, g[i] = texel.y, b[i] = texel.z;
-    }
-    color.x *= vload16(0, r), color.y *= vload16(0, g), color.z *= vload16(0, b);
-    return color;
-}
-
 // Mip level at which a sample's share of the span's longest extent is one texel.
 static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Span span, int n)
 {
@@ -87,15 +71,24 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
         Attributes a = attributes_at(s, &v, t);
         Lanes3 here = {base.x * a.color.x, base.y * a.color.y, base.z * a.color.z};
 #ifdef TEXTURED
-        if (has_texture) here = textured(tile, s, &a, level, n - first, here);
+        if (has_texture) {
+            Texture texture = tile->scene.textures[s->material.texture];
+            Lanes3 texel = texture_at(tile->scene.texels, texture, a.u, a.v, level, n - first);
+            here.x *= texel.x, here.y *= texel.y, here.z *= texel.z;
+        }
 #endif
 #ifdef PHONG
         if (s->material.flags & MATERIAL_PHONG) {
             Lanes w = 1.0f; // depth is for what lies near
 #if defined(POINT_LIGHTS) || defined(LENS)
-            w = varying_depth(&v, t);
+            w = lanes_min(lanes_max(varying_depth(&v, t), 1e-30f), 1e30f); // not in the eye
 #endif
-            here = reflect_light(tile, s, &a, here, t, w);
+            Lanes across = 0.0f, down = 0.0f;
+#ifdef LENS
+            // A point is seen through the middle of the lens where its circle of confusion is not.
+            across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
+#endif
+            here = reflect_light(&tile->scene, s, &a, here, t, w, across, down);
         }
 #endif
         Lanes light = part_light(tile, s, span, first, n);
@@ -120,9 +113,9 @@ static float3 span_color(const Tile *tile, Span span, Place place, float2 window
     if (flat && s.mesh.color == NONE) return color;
     s.segment = (path->a - s.mesh.vertex) / s.mesh.count;
     s.place = place, s.window = window;
-    load_corners(tile, &s);
+    load_corners(&tile->scene, &s);
 #ifdef PHONG
-    load_view(tile, &s);
+    load_view(&tile->scene, &s);
 #endif
     color = varying_color(tile, &s, span, color);
 #endif

@@ -1,77 +1,14 @@
-// The light that passes the shutter: its curve over time, and the window of a rolling shutter's
-// line.
-#ifndef MB_SHUTTER_H
-#define MB_SHUTTER_H
+// The window of a sample's line, where the shutter rolls.
+#ifndef MB_TILE_SHUTTER_H
+#define MB_TILE_SHUTTER_H
 
 #include "analytic/tile.h"
+#include "shared/shutter.h"
 
 // Times at which the sample's line begins and ceases to be exposed.
 static inline float2 window_of(const Tile *tile, int sample)
 {
-#ifdef ROLLING
-#ifdef ROLLING_COLUMNS
-    int line = tile->x + sample % TILE;
-#else
-    int line = tile->y + sample / TILE % TILE;
-#endif
-    float open = tile->scene.roll_start + tile->scene.roll_step * line;
-    return (float2)(open, open + tile->scene.roll_length);
-#else
-    return (float2)(0.0f, 1.0f);
-#endif
-}
-
-#ifdef SHUTTER_CURVE
-
-// Share of the light that has passed by `t`, in the line's own time, [0, 1]. The curve is linear
-// between keys, so the light in between is a trapezoid.
-static float passed_through_curve(global const ShutterKey *keys, float t)
-{
-    int k = 1;
-    while (k < SHUTTER_CURVE - 1 && keys[k].t <= t) k++;
-    ShutterKey a = keys[k - 1], b = keys[k];
-    float part = (t - a.t) / (b.t - a.t), open = a.open + 0.5f * part * (b.open - a.open);
-    float whole = 0.5f * (a.open + b.open);
-    return whole > 0.0f ? a.passed + (b.passed - a.passed) * (part * open / whole) : a.passed;
-}
-
-// The time by which the share `passed` of the light has passed.
-static float time_through_curve(global const ShutterKey *keys, float passed)
-{
-    int k = 1;
-    while (k < SHUTTER_CURVE - 1 && keys[k].passed <= passed) k++;
-    ShutterKey a = keys[k - 1], b = keys[k];
-    float share = (passed - a.passed) / (b.passed - a.passed); // of the trapezoid's area
-    float c = share * 0.5f * (a.open + b.open), slope = b.open - a.open;
-    // slope / 2 part^2 + a.open part = c, in the form that doesn't cancel
-    float part = 2.0f * c / (a.open + sqrt(fmax(a.open * a.open + 2.0f * slope * c, 0.0f)));
-    return a.t + (b.t - a.t) * clamp(part, 0.0f, 1.0f);
-}
-
-#endif
-
-// Share of the light of a line, open in `window`, that has passed by t.
-static inline float light_until(const Tile *tile, float2 window, float t)
-{
-#ifdef ROLLING
-    t = clamp((t - window.x) / (window.y - window.x), 0.0f, 1.0f);
-#endif
-#ifdef SHUTTER_CURVE
-    t = passed_through_curve(tile->scene.shutter, t);
-#endif
-    return t;
-}
-
-// The time by which that share has passed.
-static inline float time_of_light(const Tile *tile, float2 window, float passed)
-{
-#ifdef SHUTTER_CURVE
-    passed = time_through_curve(tile->scene.shutter, passed);
-#endif
-#ifdef ROLLING
-    passed = window.x + (window.y - window.x) * passed;
-#endif
-    return passed;
+    return line_window(&tile->scene, tile->x + sample % TILE, tile->y + sample / TILE % TILE);
 }
 
 #endif

@@ -133,7 +133,7 @@ static uint count_static(const Tile *tile)
     uint low = 0, high = tile->member_count;
     while (low < high) {
         uint middle = (low + high) / 2;
-        if (tile->members[middle] < tile->scene.static_paths) low = middle + 1; else high = middle;
+        if (tile->members[middle] < tile->static_paths) low = middle + 1; else high = middle;
     }
     return low;
 }
@@ -172,15 +172,17 @@ kernel void tile(
     // 8-byte aligned
     global uint *per_sample = samples + (size_t)worker * SAMPLE_WORDS * ROWS * TILE;
     Scene scene = {
-        .vertices = vertices, .paths = paths, .shapes = shapes, .meshes = meshes,
+        .vertices = vertices, .paths = paths, .meshes = meshes,
         .materials = materials, .vertex_colors = vertex_colors,
         .uvs = uvs, .normals = normals, .textures = textures, .texels = texels, .lights = lights,
         .light_count = grid.light_count, .cameras = cameras, .slots = slots,
         .filter = filter, .shutter = shutter,
-        .static_paths = grid.static_paths, .seed = grid.seed, .roll_start = grid.roll_start,
+        .seed = grid.seed, .roll_start = grid.roll_start,
         .roll_step = grid.roll_step, .roll_length = grid.roll_length
     };
     Tile tile = {
+        .shapes = shapes,
+        .static_paths = grid.static_paths,
         .capacity = grid.capacity,
         .piece_rows = ROWS,
         .spans = spans + pool,
@@ -209,7 +211,7 @@ kernel void tile(
     tile.depth = (global float *)(tile.color + TILE * TILE);
     tile.count = (global uint *)(tile.depth + TILE * TILE);
 #ifdef EXACT
-    scene.depths = depths;
+    tile.depths = depths;
 #endif
     tile.scene = scene;
     counters += worker * COUNTERS;

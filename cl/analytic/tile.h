@@ -14,7 +14,7 @@
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
-#include "shared/records.h"
+#include "shared/scene.h"
 #include "shared/lanes.h"
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -26,35 +26,10 @@
 #define PIXEL_VECTORS 2 // scratch float4s per pixel: color; depth, count
 
 typedef struct {
-    global const Vertex *vertices;
-    global const Path *paths;
-    global const Shape *shapes;
-    global const Depth *depths;        // exact paths only
-    global const Mesh *meshes;
-    global const Material *materials;
-    global const float *vertex_colors; // three per vertex and time
-    global const float *uvs;           // two
-    global const float *normals;       // three
-    global const Texture *textures;
-    global const float4 *texels;
-    global const Light *lights;
-    uint light_count;
-    global const Camera *cameras;
-    global const Slot *slots;      // of the samples of a pixel
-    global const float *filter;    // inverse of the filter's cumulative weight
-    global const ShutterKey *shutter;
-    uint static_paths;             // the first paths, which do not move
-    uint seed;
-    float roll_start, roll_step, roll_length; // of a rolling shutter's lines, in the shutter's time
-} Scene;
-
-// A sample: its place in the frame, in pixels, and the point of the lens that it looks through.
-typedef struct {
-    float x, y, u, v;
-} Place;
-
-typedef struct {
     Scene scene;
+    global const Shape *shapes;  // of the paths
+    global const Depth *depths;  // likewise; exact paths only
+    uint static_paths;           // the first paths, which do not move
     int x, y;                    // first pixel of the tile in the frame
     int x_low, x_high;           // columns of the tile that are rendered, low <= x < high
     int y_low, y_high;           // rows likewise

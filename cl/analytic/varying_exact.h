@@ -3,7 +3,8 @@
 #ifndef MB_VARYING_EXACT_H
 #define MB_VARYING_EXACT_H
 
-#include "analytic/attributes.h"
+#include "analytic/tile.h"
+#include "shared/attributes.h"
 #include "analytic/depth.h"
 #include "analytic/edges.h"
 
@@ -18,7 +19,7 @@ static inline uint span_path(const Tile *tile, Span span) { return span.source; 
 static inline float span_depth(const Tile *tile, Span span, Place place, float t)
 {
     DepthCurve curve = depth_curve(tile, span.source, place);
-    global const Depth *depth = tile->scene.depths + span.source;
+    global const Depth *depth = tile->depths + span.source;
     // At the moment at which a triangle is seen edge-on any depth between its vertices' is right.
     return fmin(fmax((float)curve_depth(&curve, t), depth->near), depth->far);
 }
@@ -27,7 +28,7 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
 {
     Varying v;
     MovingTriangle triangle;
-    global const Shape *shape = tile->scene.shapes + span.source;
+    global const Shape *shape = tile->shapes + span.source;
     load_moving(tile->scene.vertices, s->path, shape->flags, &triangle);
     for (int i = 0; i < 3; i++) edge_function(&triangle, i, s->place, v.edge[i]);
     v.depth = depth_curve(tile, span.source, s->place);

@@ -4,7 +4,8 @@
 #define MB_VARYING_SURFACE_H
 
 #include "analytic/surface.h"
-#include "analytic/attributes.h"
+#include "analytic/tile.h"
+#include "shared/attributes.h"
 
 typedef struct {
     Interval interval;
@@ -20,7 +21,7 @@ static inline uint span_path(const Tile *tile, Span span)
 static inline float span_depth(const Tile *tile, Span span, Place place, float t)
 {
     Interval i = tile->sorted[span.source];
-    global const Shape *shape = tile->scene.shapes + span_path(tile, span);
+    global const Shape *shape = tile->shapes + span_path(tile, span);
     float depth = i.w0 + (i.w1 - i.w0) * ((t - i.t0) / (i.t1 - i.t0));
     return fmin(fmax(depth, shape->near), shape->far); // huge needles have depths of infinity
 }
@@ -65,7 +66,7 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     v.interval = tile->sorted[span.source];
     Surface surface;
     load_surface(tile->scene.vertices, s->path,
-                 tile->scene.shapes + (v.interval.first >> PART_BITS), &surface);
+                 tile->shapes + (v.interval.first >> PART_BITS), &surface);
     uint face = (1u << PART_BITS) - 1u, first = v.interval.first, last = v.interval.last;
     if ((first & face) == PART_EYE) first = last;
     if ((last & face) == PART_EYE) last = first;

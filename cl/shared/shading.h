@@ -7,46 +7,76 @@
 
 static inline float3 load3(global const float *p) { return (float3)(p[0], p[1], p[2]); }
 
-// Fold a texel's coordinate into [0, size).
-static inline int wrap_texel(int i, int size, uint wrap)
-{
-    if (wrap == WRAP_CLAMP) return clamp(i, 0, size - 1);
-    int period = wrap == WRAP_MIRROR ? 2 * size : size;
-    i %= period;
-    if (i < 0) i += period;
-    return i < size ? i : 2 * size - 1 - i;
-}
+// One level of a texture's mip chain.
+typedef struct {
+    global const float4 *texels;
+    int width, height;
+    uint wrap;
+} TextureLevel;
 
-// Bilinear look-up in one level; texel centres at one half, v points up.
-static float3 texture_level(global const float4 *texels, Texture texture, uint level, float2 uv)
+static TextureLevel texture_level(global const float4 *texels, Texture texture, uint level)
 {
-    int width = texture.width, height = texture.height;
+    TextureLevel found = {texels + texture.texel, texture.width, texture.height, texture.wrap};
     for (uint i = 0; i < level; i++) {
-        texels += width * height;
-        width = max(width / 2, 1), height = max(height / 2, 1);
+        found.texels += found.width * found.height;
+        found.width = max(found.width / 2, 1), found.height = max(found.height / 2, 1);
     }
-    float x = uv.x * width - 0.5f, y = (1.0f - uv.y) * height - 0.5f;
-    x = clamp(x, -1e6f, 1e6f), y = clamp(y, -1e6f, 1e6f); // a whole number must hold them
-    float x0 = floor(x), y0 = floor(y);
-    int left = wrap_texel((int)x0, width, texture.wrap);
-    int right = wrap_texel((int)x0 + 1, width, texture.wrap);
-    int top = wrap_texel((int)y0, height, texture.wrap) * width;
-    int bottom = wrap_texel((int)y0 + 1, height, texture.wrap) * width;
-    float4 upper = mix(texels[top + left], texels[top + right], x - x0);
-    float4 lower = mix(texels[bottom + left], texels[bottom + right], x - x0);
-    return mix(upper, lower, y - y0).xyz;
+    return found;
 }
 
-// Trilinear look-up at mip level `level`.
-static float3 texture_at(global const float4 *texels, Texture texture, float2 uv, float level)
+// Fold whole coordinates of texels, of less than 2^22, into [0, size).
+static inline int16 wrap_texels(Lanes i, int size, uint wrap)
+{
+    if (wrap == WRAP_CLAMP)
+        return convert_int16(lanes_min(lanes_max(i, 0.0f), (Lanes)(size - 1.0f)));
+    float period = wrap == WRAP_MIRROR ? 2.0f * size : size;
+    i -= period * floor((i + 0.5f) / period);
+    return convert_int16(i < (float)size ? i : period - 1.0f - i);
+}
+
+// Bilinear look-ups at the first `count` places, others are zero; texel centres at one half, v
+// points up.
+static Lanes3 bilinear(TextureLevel level, Lanes u, Lanes v, int count)
+{
+    Lanes x = u * (float)level.width - 0.5f, y = (1.0f - v) * (float)level.height - 0.5f;
+    x = lanes_min(lanes_max(x, -1e6f), (Lanes)(1e6f)); // a whole number must hold them
+    y = lanes_min(lanes_max(y, -1e6f), (Lanes)(1e6f));
+    Lanes x0 = floor(x), y0 = floor(y);
+    int left[LANES], right[LANES], top[LANES], bottom[LANES];
+    vstore16(wrap_texels(x0, level.width, level.wrap), 0, left);
+    vstore16(wrap_texels(x0 + 1.0f, level.width, level.wrap), 0, right);
+    vstore16(wrap_texels(y0, level.height, level.wrap) * level.width, 0, top);
+    vstore16(wrap_texels(y0 + 1.0f, level.height, level.wrap) * level.width, 0, bottom);
+    float across[LANES], down[LANES], r[LANES], g[LANES], b[LANES];
+    vstore16(x - x0, 0, across), vstore16(y - y0, 0, down);
+    for (int i = 0; i < LANES; i++) {
+        float4 texel = 0.0f;
+        if (i < count) {
+            global const float4 *upper = level.texels + top[i], *lower = level.texels + bottom[i];
+            texel = mix(mix(upper[left[i]], upper[right[i]], across[i]),
+                        mix(lower[left[i]], lower[right[i]], across[i]), down[i]);
+        }
+        r[i] = texel.x, g[i] = texel.y, b[i] = texel.z;
+    }
+    Lanes3 found = {vload16(0, r), vload16(0, g), vload16(0, b)};
+    return found;
+}
+
+// Trilinear look-ups at mip level `level` and the first `count` places; others are zero.
+static Lanes3 texture_at(global const float4 *texels, Texture texture, Lanes u, Lanes v,
+                         float level, int count)
 {
     level = clamp(level, 0.0f, texture.levels - 1.0f);
     uint below = min((uint)level, texture.levels - 1), above = min(below + 1, texture.levels - 1);
-    texels += texture.texel;
-    if (texture.wrap != WRAP_CLAMP) uv -= floor(uv / 2.0f) * 2.0f;
-    float3 fine = texture_level(texels, texture, below, uv);
+    if (texture.wrap != WRAP_CLAMP)
+        u -= floor(u / 2.0f) * 2.0f, v -= floor(v / 2.0f) * 2.0f;
+    Lanes3 fine = bilinear(texture_level(texels, texture, below), u, v, count);
     if (above == below || level == below) return fine;
-    return mix(fine, texture_level(texels, texture, above, uv), level - below);
+    Lanes3 coarse = bilinear(texture_level(texels, texture, above), u, v, count);
+    Lanes part = level - below;
+    fine.x = mix(fine.x, coarse.x, part), fine.y = mix(fine.y, coarse.y, part);
+    fine.z = mix(fine.z, coarse.z, part);
+    return fine;
 }
 
 // x^y for 0 < x <= 1 and y >= 0, to 1e-7 of the logarithm and 0 below 2^-40: by the series of

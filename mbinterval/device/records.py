@@ -67,6 +67,8 @@ MATERIAL_PHONG, MATERIAL_SINGLE_SIDED = 1, 2
 WRAP = {"repeat": 0, "clamp": 1, "mirror": 2}
 LIGHT_KIND = {"ambient": 0, "directional": 1, "point": 2}
 PART_BITS = 4
+MOST_PATHS = (1 << (32 - PART_BITS)) - 1
+"""Most motion paths, and most vertices, that one exposure may have: indices have 32 bits."""
 
 BY_NAME = {
     "Vertex": VERTEX,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,42 +41,61 @@ def build_scene(table: SceneTable, file: str) -> Scene:
     Raises ``SceneError`` with every object and image that can't be read.
     """
     problems: list[Problem] = []
-    scene = _generated(table.generator)
-    fps = table.fps or scene.fps
-    assets = []
-    for index, item in enumerate(table.objects):
+
+    def attempt(path: str, make: Callable[[], Any]) -> Any:
         try:
-            assets.append(_object(item, fps))
+            return make()
         except SceneError as error:
-            problems.append((f"objects[{index}]", str(error)))
-    background: Any = None
-    try:
-        background = _background(table, scene)
-    except SceneError as error:
-        problems.append(("background", str(error)))
-    if problems:
-        raise scene_error(file, problems)
-    camera, camera_notes = _scene_camera(table, scene, assets)
+            problems.append(_located(path, str(error)))
+            return None
+
+    scene = attempt("generator", lambda: _generated(table.generator)) or Scene(meshes=())
+    fps = table.fps or scene.fps
+    assets: list[Asset] = []
+    for index, item in enumerate(table.objects):
+        path = f"objects[{index}]"
+        texture = attempt(f"{path}.material.texture", partial(_texture, item.material))
+        place = path if item.file is None else f"{path}.file"
+        asset = attempt(place, partial(_object, item, fps, texture))
+        assets += [asset] if asset is not None else []
+    background = attempt("background", lambda: _background(table, scene))
+    camera = attempt("camera", lambda: _scene_camera(table, scene, assets))
+    lights = [*scene.lights, *(light for asset in assets for light in asset.lights)]
     if table.lights is not None:
-        lights: Sequence[Light] = [
-            Light(**item.model_dump(exclude_none=True)) for item in table.lights
+        lights = [
+            attempt(f"lights[{index}]", partial(Light, **item.model_dump(exclude_none=True)))
+            for index, item in enumerate(table.lights)
         ]
-    else:
-        lights = [*scene.lights, *(light for asset in assets for light in asset.lights)]
     shutter = next((asset.shutter for asset in assets if asset.shutter), scene.shutter)
     if table.shutter is not None:
-        shutter = _shutter(table.shutter)
+        shutter = attempt("shutter", partial(_shutter, table.shutter))
+    if problems:
+        raise scene_error(file, problems)
     return Scene(
         meshes=[*scene.meshes, *(mesh for asset in assets for mesh in asset.meshes)],
-        camera=camera,
+        camera=camera[0],
         lights=lights,
         background=background,
         shutter=shutter,
         fps=fps,
         name=table.name or Path(file).stem,
-        notes=(*scene.notes, *(note for asset in assets for note in asset.notes), *camera_notes),
+        notes=(*scene.notes, *(note for asset in assets for note in asset.notes), *camera[1]),
         animation=_animation(assets),
     )
+
+
+_OBJECT = re.compile(r"(?:mesh|light|camera|shutter)(?: '[^']*')?: ")
+_FIELD = re.compile(r"(\w+)(?:=|: | (?=is |has |have |holds? ))")
+
+
+def _located(path: str, text: str) -> Problem:
+    """Path and text of what a record refused: its name for itself and the field are in the path."""
+    label = _OBJECT.match(text)
+    if label is None:
+        return path, text
+    rest = text[label.end() :]
+    field = _FIELD.match(rest)
+    return (path, rest) if field is None else (f"{path}.{field[1]}", rest[field.end() :])
 
 
 def _animation(assets: Sequence[Asset]) -> tuple[float, float] | None:
@@ -117,7 +138,13 @@ def _scene_camera(
     return found[0], [f"no [camera]: camera {found[0].name!r} of a model is used"]
 
 
-def _object(item: ObjectTable, fps: float) -> Asset:
+def _texture(table: MaterialTable | None) -> Texture | None:
+    if table is None or table.texture is None:
+        return None
+    return Texture(read_image(table.texture), name=table.texture.name)
+
+
+def _object(item: ObjectTable, fps: float, texture: Texture | None) -> Asset:
     root = None if item.transform is None else _transform(item.transform)
     if item.file is None:
         asset = Asset((_own_mesh(item, root),))
@@ -127,10 +154,6 @@ def _object(item: ObjectTable, fps: float) -> Asset:
         asset = read_usd(item.file, item.fps or fps, root)
     else:
         asset = read_mesh_file(item.file, root)
-    texture = None
-    if item.material is not None and item.material.texture is not None:
-        path = item.material.texture
-        texture = Texture(read_image(path), name=path.name)
     return dataclasses.replace(
         asset, meshes=tuple(_overridden(mesh, item, texture) for mesh in asset.meshes)
     )

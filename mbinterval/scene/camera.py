@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.checks import Vector, check_choice, freeze, numbers, vector
-from mbinterval.scene.tracks import Placement, Track
+from mbinterval.scene import checks
+from mbinterval.scene.checks import Vector, freeze
+from mbinterval.scene.tracks import Placement, Track, check_place, keyed
 
 Float64 = NDArray[np.float64]
 
@@ -55,26 +56,27 @@ class Shutter:
 
         Its ``"centre"``, ``"start"`` or ``"end"`` is on the frame. ``fields`` are the other ones.
         """
-        check_choice(place, PLACES, "shutter: place")
-        if not 0.0 < angle < np.inf:
-            raise SceneError(f"shutter: angle={angle!r}, expected degrees, above 0")
-        length = angle / 360.0
+        checks.choice(place, PLACES, "shutter: place")
+        length = checks.number(angle, "shutter: angle", above=0.0) / 360.0
         start = {"centre": -0.5 * length, "start": 0.0, "end": -length}[place]
         return cls(open=start, close=start + length, **fields)
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.open) and np.isfinite(self.close) and self.open < self.close):
+        opens = checks.number(self.open, "shutter: open")
+        closes = checks.number(self.close, "shutter: close")
+        if opens >= closes:
             raise SceneError(
-                f"shutter: open={self.open!r}, close={self.close!r}; expected open < close, "
+                f"shutter: open={opens:g}, close={closes:g}; expected open < close, "
                 "in frames relative to the frame"
             )
-        if isinstance(self.curve, str):
-            check_choice(self.curve, CURVES, "shutter: curve")
-        else:
-            freeze(self, curve=_curve(self.curve))
-        for name in ("opening", "closing"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise SceneError(f"shutter: {name}={getattr(self, name)!r}, expected 0 to 1")
+        freeze(
+            self,
+            open=opens,
+            close=closes,
+            curve=_curve(self.curve),
+            opening=checks.number(self.opening, "shutter: opening", 0.0, 1.0),
+            closing=checks.number(self.closing, "shutter: closing", 0.0, 1.0),
+        )
         if self.curve == "trapezoid" and self.opening + self.closing > 1.0:
             raise SceneError("shutter: opening and closing take longer than the shutter is open")
         self._check_rolling()
@@ -85,12 +87,16 @@ class Shutter:
                 if getattr(self, name) is not None:
                     raise SceneError(f"shutter: {name} without rolling; give its direction")
             return
-        check_choice(self.rolling, ROLLINGS, "shutter: rolling")
-        offset, exposure = self.line_offset, self.line_exposure
-        if offset is None or not 0.0 <= offset < np.inf:
-            raise SceneError(f"shutter: line_offset={offset!r}, expected seconds, 0 or more")
-        if exposure is None or not 0.0 < exposure < np.inf:
-            raise SceneError(f"shutter: line_exposure={exposure!r}, expected seconds, above 0")
+        rolling = checks.choice(self.rolling, ROLLINGS, "shutter: rolling")
+        for name in ("line_offset", "line_exposure"):
+            if getattr(self, name) is None:
+                raise SceneError(f"shutter: rolling without {name}; give it in seconds")
+        freeze(
+            self,
+            rolling=rolling,
+            line_offset=checks.number(self.line_offset, "shutter: line_offset", 0.0),
+            line_exposure=checks.number(self.line_exposure, "shutter: line_exposure", above=0.0),
+        )
 
     def keys(self) -> Float64:
         """``(n, 2)`` times and openings, both in [0, 1], between which the curve is linear."""
@@ -161,32 +167,21 @@ class Camera:
     name: str = ""
 
     def __post_init__(self) -> None:
-        where = f"camera {self.name!r}" if self.name else "camera"
+        where = checks.named("camera", self.name)
+        self._check_view(where)
         if self.fov is not None and self.focal_length is not None:
             raise SceneError(f"{where}: fov and focal_length both given; give one")
-        if self.focal_length is None and (self.vertical_aperture or self.horizontal_aperture):
-            raise SceneError(f"{where}: an aperture without focal_length; give focal_length or fov")
-        if self.transform is not None and self.look_at is not None:
-            raise SceneError(f"{where}: transform and look_at both given; give one")
-        for name in ("position", "look_at", "up"):
+        for name in ("vertical_aperture", "horizontal_aperture"):
+            if self.focal_length is None and getattr(self, name) is not None:
+                raise SceneError(f"{where}: {name} without focal_length; give focal_length or fov")
+        for name, end in _KEYED_NUMBERS.items():
             value = getattr(self, name)
-            if value is not None and not isinstance(value, Track):
-                freeze(self, **{name: vector(value, f"{where}: {name}")})
-        for name, low, high in (
-            ("fov", 0.0, 180.0),
-            ("focal_length", 0.0, np.inf),
-            ("vertical_aperture", 0.0, np.inf),
-            ("horizontal_aperture", 0.0, np.inf),
-            ("f_stop", 0.0, np.inf),
-            ("focus_distance", 0.0, np.inf),
-            ("meters_per_unit", 0.0, np.inf),
-        ):
-            value = getattr(self, name)
-            values = value.values if isinstance(value, Track) else value
-            if value is not None and not np.all((np.asarray(values) > low) & (values < high)):
-                raise SceneError(
-                    f"{where}: {name}={value!r}, expected a value between {low} and {high}"
-                )
+            if value is not None and keyed(value, (), f"{where}: {name}") is None:
+                value = checks.number(value, f"{where}: {name}", above=0.0, below=end)
+                freeze(self, **{name: value})
+            elif value is not None and not (0.0 < value.values.min() <= value.values.max() < end):
+                below = f" and below {end:g}" if end < np.inf else ""
+                raise SceneError(f"{where}: {name} has keys that are not above 0{below}")
         self._check_lens(where)
 
     @property
@@ -206,30 +201,57 @@ class Camera:
         found = [frame for track in self.tracks for frame in track.jumps]
         return found if self.transform is None else found + self.transform.jumps
 
-    def _check_lens(self, where: str) -> None:
-        if self.f_stop is None:
-            given = ("focus_distance", "sharp_range", "foreground_blur")
-            for name in (name for name in given if getattr(self, name) is not None):
-                raise SceneError(f"{where}: {name} without f_stop; a pinhole has no focus")
+    def _check_view(self, where: str) -> None:
+        for name in ("position", "look_at", "up"):
+            value = getattr(self, name)
+            what = f"{where}: {name}"
+            if keyed(value, (3,), what) is None and not (name == "look_at" and value is None):
+                freeze(self, **{name: checks.vector(value, what)})
+        if self.transform is None:
             return
-        if self.focus_distance is None:
-            raise SceneError(f"{where}: f_stop without focus_distance; give the distance in focus")
-        if self.blades != 0 and not 3 <= self.blades <= 64:
-            raise SceneError(f"{where}: blades={self.blades!r}, expected 0 or 3 to 64")
-        if self.foreground_blur is not None and not self.foreground_blur >= 0.0:
-            raise SceneError(f"{where}: foreground_blur={self.foreground_blur!r}, expected >= 0")
+        check_place(self.transform, f"{where}: transform")
+        for name in ("position", "look_at", "up"):
+            if getattr(self, name) != getattr(Camera, name):
+                raise SceneError(f"{where}: transform and {name} both given; give one")
+
+    def _check_lens(self, where: str) -> None:
+        for name in ("vertical_aperture", "horizontal_aperture", "meters_per_unit"):
+            value = getattr(self, name)
+            if value is not None or name == "meters_per_unit":
+                freeze(self, **{name: checks.number(value, f"{where}: {name}", above=0.0)})
+        blades = checks.whole_number(self.blades, f"{where}: blades", 0, 64)
+        if blades in (1, 2):
+            raise SceneError(f"{where}: blades={blades}: expected 0, a round lens, or 3 to 64")
+        turn = checks.number(self.blade_rotation, f"{where}: blade_rotation")
+        freeze(self, blades=blades, blade_rotation=turn)
+        if self.foreground_blur is not None:
+            blur = checks.number(self.foreground_blur, f"{where}: foreground_blur", 0.0)
+            freeze(self, foreground_blur=blur)
         if self.sharp_range is not None:
-            near, far = self.sharp_range
+            what, expected = f"{where}: sharp_range", "nearest and farthest distance, above 0"
+            near, far = checks.row(self.sharp_range, 2, what, expected)
             if not 0.0 < near <= far:
-                raise SceneError(
-                    f"{where}: sharp_range={self.sharp_range!r}, expected nearest <= farthest, > 0"
-                )
+                raise checks.refuse(self.sharp_range, what, expected)
+            freeze(self, sharp_range=(near, far))
+        given = ("focus_distance", "sharp_range", "foreground_blur")
+        for name in given if self.f_stop is None else ():
+            if getattr(self, name) is not None:
+                raise SceneError(f"{where}: {name} without f_stop; a pinhole has no focus")
+        if self.f_stop is not None and self.focus_distance is None:
+            raise SceneError(f"{where}: f_stop without focus_distance; give the distance in focus")
 
 
-def _curve(values: Any) -> tuple[float, ...]:
-    curve = numbers(values, np.float64, "shutter: curve")
-    if curve.ndim != 1 or len(curve) < 2 or len(curve) > 1024:
-        raise SceneError(f"shutter: curve has shape {curve.shape}, expected 2 to 1024 values")
+_KEYED_NUMBERS = {"fov": 180.0, "focal_length": np.inf, "f_stop": np.inf, "focus_distance": np.inf}
+"""Numbers that may be keyed, above 0, and what they stay below."""
+
+
+def _curve(value: Any) -> str | tuple[float, ...]:
+    if isinstance(value, str):
+        return checks.choice(value, CURVES, "shutter: curve")
+    curve = checks.numbers(value, np.float64, "shutter: curve")
+    if curve.ndim != 1 or not 2 <= len(curve) <= 1024:
+        expected = f"{', '.join(map(repr, CURVES))}, or 2 to 1024 values"
+        raise checks.refuse(value, "shutter: curve", expected)
     if not (np.isfinite(curve).all() and (curve >= 0.0).all() and curve.any()):
         raise SceneError("shutter: curve values must be finite, from 0 up, and not all 0")
     return tuple(curve.tolist())

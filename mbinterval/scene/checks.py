@@ -1,15 +1,52 @@
-"""Checks that scene records make of what they are given, with one wording."""
+"""Checks that scene records make of what they are given, with one wording.
+
+Each returns what is stored, or raises a ``SceneError`` that names the object and the field, shows
+what was given, and says what is expected.
+"""
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from mbinterval import checks
 from mbinterval.errors import SceneError
 
 Vector = tuple[float, float, float]
+
+number = partial(checks.number, error=SceneError)
+whole_number = partial(checks.whole_number, error=SceneError)
+refuse = partial(checks.refuse, error=SceneError)
+
+
+def choice(value: Any, choices: tuple[str, ...], what: str) -> str:
+    """Return ``value``, one of ``choices``."""
+    return checks.choice(value, choices, what, SceneError)
+
+
+def flag(value: Any, what: str) -> bool:
+    """Return True or False."""
+    return checks.instance(value, bool, what, SceneError)
+
+
+def text(value: Any, what: str) -> str:
+    """Return a text."""
+    return checks.instance(value, str, what, SceneError)
+
+
+def named(kind: str, name: Any) -> str:
+    """Say which object is meant: its kind, and its name if it has one."""
+    return f"{kind} {name!r}" if text(name, f"{kind}: name") else kind
+
+
+def check_kind(value: Any, kind: type, what: str, remedy: str = "") -> None:
+    """Refuse what is not of ``kind``, with the ``remedy``."""
+    if not isinstance(value, kind):
+        raise refuse(value, what, f"a {kind.__name__}{remedy}")
 
 
 def freeze(record: object, **values: Any) -> None:
@@ -23,26 +60,51 @@ def freeze(record: object, **values: Any) -> None:
         object.__setattr__(record, name, value)
 
 
-def numbers(value: ArrayLike, dtype: Any, what: str) -> NDArray[Any]:
-    """Return ``value`` as an array, or say what it is not."""
+def numbers(value: Any, dtype: Any, what: str) -> NDArray[Any]:
+    """Return ``value`` as an array of ``dtype``."""
+    if isinstance(value, str | Path):
+        raise refuse(value, what, "an array of numbers")
     try:
-        return np.asarray(value, dtype=dtype)
-    except (TypeError, ValueError) as error:
-        raise SceneError(f"{what}: not an array of numbers ({error})") from None
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        raise refuse(value, what, "an array of numbers, every row as long as the others") from None
+    if array.dtype.kind not in "iuf":
+        raise refuse(value, what, "an array of numbers")
+    with np.errstate(over="ignore"):  # what becomes infinite is reported as such
+        return array.astype(dtype, copy=False)
+
+
+def image(value: Any, what: str) -> NDArray[Any]:
+    """Return the pixels of an image, ``(h, w, 3)`` or ``(h, w, 4)``."""
+    if isinstance(value, str | Path):
+        raise refuse(value, what, f"pixels; mbinterval.read_image({str(value)!r}) reads the file")
+    if getattr(value, "dtype", None) in (np.uint8, np.uint16):
+        raise SceneError(
+            f"{what} holds {value.dtype}, expected scene-linear numbers; mbinterval.read_image "
+            "makes them of an image file"
+        )
+    pixels = numbers(value, np.float32, what)
+    if pixels.ndim != 3 or pixels.shape[2] not in (3, 4) or 0 in pixels.shape:
+        raise SceneError(f"{what} has shape {pixels.shape}, expected (h, w, 3) or (h, w, 4)")
+    check_finite(pixels, what, "pixel")
+    return pixels
 
 
 def vector(value: Any, what: str) -> Vector:
     """Return three finite numbers."""
-    array = numbers(value, np.float64, what)
-    if array.shape != (3,) or not np.isfinite(array).all():
-        raise SceneError(f"{what}={value!r}, expected three finite numbers")
-    return (float(array[0]), float(array[1]), float(array[2]))
+    x, y, z = row(value, 3, what, "three finite numbers")
+    return x, y, z
 
 
-def check_choice(value: str, choices: tuple[str, ...], what: str) -> None:
-    """Refuse what is not one of ``choices``."""
-    if value not in choices:
-        raise SceneError(f"{what}={value!r}, expected one of {', '.join(map(repr, choices))}")
+def row(value: Any, count: int, what: str, expected: str) -> tuple[float, ...]:
+    """Return as many finite numbers as ``count`` says; ``expected`` says it in words."""
+    try:
+        array = numbers(value, np.float64, what)
+    except SceneError:
+        array = np.zeros(0)
+    if array.shape != (count,) or not np.isfinite(array).all():
+        raise refuse(value, what, expected)
+    return tuple(array.tolist())
 
 
 def check_finite(array: NDArray[Any], what: str, unit: str) -> None:
@@ -56,3 +118,17 @@ def check_finite(array: NDArray[Any], what: str, unit: str) -> None:
     else:
         at = f"{unit} {place[-2]}" + (f" at time {place[0]}" if array.ndim == 3 else "")
     raise SceneError(f"{what}: {value} at {at}; every value must be finite")
+
+
+def items(value: Any, kind: type, what: str) -> tuple[Any, ...]:
+    """Return a sequence of ``kind`` as a tuple."""
+    name = kind.__name__
+    try:
+        found = tuple(value)
+    except TypeError:
+        hint = "put it into a list" if isinstance(value, kind) else f"expected a list of {name}"
+        raise SceneError(f"{what} is {type(value).__name__}; {hint}") from None
+    for index, item in enumerate(found):
+        if not isinstance(item, kind):
+            raise SceneError(f"{what}[{index}] is {type(item).__name__}, expected {name}")
+    return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,16 +86,26 @@ def expose(
     window = Window(frame, *scene.shutter.window(scene.fps, lines))
     view = View(camera, window, aspect, height)
     cameras = {0: view.poses(np.zeros(1)), 1: view.poses(np.arange(2.0))}
-    meshes = [mesh for mesh in scene.meshes if mesh.visible is not False and len(mesh.faces)]
+    meshes = {
+        index: mesh
+        for index, mesh in enumerate(scene.meshes)
+        if mesh.visible is not False and len(mesh.faces)
+    }
     lights = tuple(light.at(frame) for light in scene.lights)
-    if not lights and any(m.material is None or m.material.shading != "unlit" for m in meshes):
+    materials = [mesh.material for mesh in meshes.values()]
+    if not lights and any(m is None or m.shading != "unlit" for m in materials):
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
     exposed = tuple(
-        _expose_stretch(mesh, stretch, view, cameras, motion_segments, motion_error)
-        for mesh in meshes
+        replace(
+            _expose_stretch(mesh, stretch, view, cameras, motion_segments, motion_error),
+            index=index,
+        )
+        for index, mesh in meshes.items()
         for stretch in mesh_stretches(mesh, window, camera)
     )
+    if not exposed:
+        notes.append("no visible mesh: only the background is seen")
     notes += _outside(scene, window)
     _check_scale(exposed, cameras[0].eye[0])
     return Exposure(

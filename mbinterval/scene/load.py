@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mbinterval.checks import number
+from mbinterval.checks import number, shown
 from mbinterval.errors import SceneError, UsageError
 from mbinterval.scene.model import Scene
 
@@ -34,7 +34,7 @@ class SceneFile:
     scene
         The scene.
     settings
-        Values of the ``[settings]`` table, each valid by itself; see ``Settings.from_mapping``.
+        Values of the ``[settings]`` table, for ``Settings.from_mapping``.
     render
         Values of the ``[render]`` table.
     """
@@ -68,6 +68,9 @@ def load(
         Frames per second of an animated model: a key at s seconds is at frame s * fps. None is 24,
         or for USD the file's time codes per second, so that a frame is a time code.
 
+    The tables ``[settings]`` and ``[render]`` of a scene file are no part of a scene: they are
+    checked, and left to `load_file` and the command line.
+
     Raises
     ------
     SceneError
@@ -81,35 +84,48 @@ def load(
 def load_file(
     source: str | Path | Mapping[str, Any],
     base: str | Path | None = None,
+    overruled: Collection[str] = (),
     *,
     clip: str | int | None = None,
     fps: float | None = None,
 ) -> SceneFile:
-    """Read a scene as `load` does, with the settings and render defaults of its file."""
-    if (clip, fps) != (None, None):
-        kind = "" if isinstance(source, Mapping) else Path(source).suffix.lower()
-        if kind not in (*GLTF_SUFFIXES, *USD_SUFFIXES):
-            raise UsageError(
-                "clip and fps go with a glTF or USD model; a scene file has them per object"
-            )
-        if clip is not None and kind in USD_SUFFIXES:
-            raise UsageError("clip goes with a glTF model; a USD file has one animation")
+    """Read a scene as `load` does, with the settings and render defaults of its file.
+
+    Settings of the file must go together, but for those whose names are ``overruled``: the
+    caller joins them with values of its own, which `Settings` then checks. For example
+    ``Settings.from_mapping({**mbinterval.load_file(path).settings, "samples": 16})``.
+    """
     if isinstance(source, Mapping):
-        return _from_table(source, Path(base or "."), "scene")
+        if base is not None and not isinstance(base, str | Path):
+            raise SceneError(f"base={shown(base)}: expected the path of a folder")
+        _check_animation("", clip, fps)
+        return _from_table(source, Path(base or "."), "scene", overruled)
+    if not isinstance(source, str | Path) or "\0" in str(source):
+        raise SceneError(f"{shown(source)}: expected the path of a file, or a dict")
     path = Path(source)
     if path.is_dir():
         raise SceneError(f"{path}: is a folder; give a file in it")
     if not path.is_file():
         raise SceneError(f"{path}: no such file")
     kind = path.suffix.lower()
+    _check_animation(kind, clip, fps)
     if kind in (".toml", ".json"):
-        return _from_table(_parse(path, kind), path.parent, str(path))
+        return _from_table(_parse(path, kind), path.parent, str(path), overruled)
     if kind == ".npz":
         from mbinterval.scene.benchmark import read_benchmark
 
         scene, width, height = read_benchmark(path)
         return SceneFile(scene, render=RenderDefaults(width=width, height=height))
     return SceneFile(_model_scene(path, kind, clip, fps))
+
+
+def _check_animation(kind: str, clip: str | int | None, fps: float | None) -> None:
+    if (clip, fps) != (None, None) and kind not in (*GLTF_SUFFIXES, *USD_SUFFIXES):
+        raise UsageError(
+            "clip and fps go with a glTF or USD model; a scene file has them per object"
+        )
+    if clip is not None and kind in USD_SUFFIXES:
+        raise UsageError("clip goes with a glTF model; a USD file has one animation")
 
 
 def _model_scene(path: Path, kind: str, clip: str | int | None, fps: float | None) -> Scene:
@@ -163,14 +179,12 @@ def _parse(path: Path, kind: str) -> Any:
         raise SceneError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
-def _from_table(data: Any, base: Path, file: str) -> SceneFile:
+def _from_table(data: Any, base: Path, file: str, overruled: Collection[str]) -> SceneFile:
     from mbinterval.scene.build import build_scene
     from mbinterval.scene.validate import validate
 
-    table = validate(data, base, file)
+    table = validate(data, base, file, overruled)
     values = table.render.model_dump(exclude_none=True)
-    if "frames" in values:
-        values["frames"] = str(values["frames"])
     try:
         scene = build_scene(table, file)
     except SceneError as error:

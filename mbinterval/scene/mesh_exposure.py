@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.errors import SceneError
+from mbinterval.device import records
+from mbinterval.errors import CapacityError, SceneError
 from mbinterval.scene.deform import ALL, Index, cofactors
 from mbinterval.scene.model import Mesh
 from mbinterval.scene.poses import CameraPoses
@@ -40,6 +41,8 @@ class MeshExposure:
         The camera at the K + 1 times.
     open, close
         The stretch, in the shutter's [0, 1]; the mesh is not there outside of it.
+    index
+        Which of the scene's meshes it is.
     reason
         Why there are so many segments.
     """
@@ -54,6 +57,7 @@ class MeshExposure:
     poses: CameraPoses
     open: float = 0.0
     close: float = 1.0
+    index: int = 0
     reason: str = ""
 
 
@@ -71,6 +75,9 @@ def expose_mesh(
     face to the back, so the order of the vertices is reversed with it. The sign at the first time
     decides: a scale that passes through zero within the shutter shows the backs from then on.
     """
+    arrays = (mesh.positions, mesh.normals, mesh.uv, mesh.color)
+    varies = mesh.animated or any(a is not None and a.ndim == 3 for a in arrays)
+    _check_room(mesh, segments + 1 if varies or poses.moves else 1)
     times = mesh_times(mesh, window, stretch.inside(stretch.ends(segments), window))
     frames = window.frames(times)
     matrices = _matrices(mesh, frames, window.frame)
@@ -103,6 +110,17 @@ def expose_mesh(
         close=stretch.close,
         reason=reason,
     )
+
+
+def _check_room(mesh: Mesh, times: int) -> None:
+    """Refuse a mesh with more vertices or faces, ``times`` over, than indices of 32 bits reach."""
+    count = times * max(mesh.positions.shape[-2], len(mesh.faces))
+    if count > records.MOST_PATHS:
+        raise CapacityError(
+            f"mesh {mesh.name!r}: {mesh.positions.shape[-2]} vertices and {len(mesh.faces)} faces "
+            f"at {times} times; at most {records.MOST_PATHS} of each can be rendered: use fewer "
+            "motion segments or a smaller mesh"
+        )
 
 
 def mesh_times(mesh: Mesh, window: Window, times: Float64) -> Float64:

@@ -9,16 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from mbinterval.checks import number
 from mbinterval.errors import SceneError
+from mbinterval.scene import checks
 from mbinterval.scene.camera import Camera, Shutter
-from mbinterval.scene.checks import Vector, check_choice, check_finite, freeze, numbers, vector
+from mbinterval.scene.checks import Vector, freeze
 from mbinterval.scene.deform import Deformer
-from mbinterval.scene.tracks import Placement, Track
+from mbinterval.scene.mesh_arrays import check_attribute, check_color, check_faces, check_positions
+from mbinterval.scene.tracks import Placement, Track, check_place
 
 __all__ = ["Camera", "Light", "Material", "Mesh", "Scene", "Shutter", "Texture", "Vector"]
 
@@ -27,6 +30,7 @@ Float32 = NDArray[np.float32]
 
 SHADINGS = ("unlit", "phong")
 LIGHT_KINDS = ("ambient", "directional", "point")
+MOST_SEGMENTS = 4096
 WRAPS = ("repeat", "clamp", "mirror")
 
 
@@ -38,7 +42,7 @@ class Texture:
     ----------
     image
         ``(h, w, 3)`` or ``(h, w, 4)``, scene-linear, first row on top. Stored as float32
-        ``(h, w, 4)`` with straight alpha.
+        ``(h, w, 4)`` with straight alpha. `read_image` reads a file.
     wrap
         ``"repeat"``, ``"clamp"`` or ``"mirror"``, for u and v.
     """
@@ -48,16 +52,11 @@ class Texture:
     wrap: str = "repeat"
 
     def __post_init__(self) -> None:
-        image = np.asarray(self.image, dtype=np.float32)
-        if image.ndim != 3 or image.shape[2] not in (3, 4) or 0 in image.shape:
-            raise SceneError(
-                f"texture {self.name!r}: image has shape {image.shape}, expected (h, w, 3 or 4)"
-            )
+        where = checks.named("texture", self.name)
+        image = checks.image(self.image, f"{where}: image")
         if image.shape[2] == 3:
             image = np.concatenate([image, np.ones_like(image[..., :1])], axis=2)
-        check_finite(image, f"texture {self.name!r}: image", "pixel")
-        check_choice(self.wrap, WRAPS, f"texture {self.name!r}: wrap")
-        freeze(self, image=image)
+        freeze(self, image=image, wrap=checks.choice(self.wrap, WRAPS, f"{where}: wrap"))
 
 
 @dataclass(frozen=True)
@@ -80,15 +79,18 @@ class Material:
     double_sided: bool = True
 
     def __post_init__(self) -> None:
-        where = f"material {self.name!r}"
-        check_choice(self.shading, SHADINGS, f"{where}: shading")
+        where = checks.named("material", self.name)
+        if self.texture is not None:
+            remedy = ", made of pixels that mbinterval.read_image reads"
+            checks.check_kind(self.texture, Texture, f"{where}: texture", remedy)
         freeze(
             self,
-            base_color=vector(self.base_color, f"{where}: base_color"),
-            specular=vector(self.specular, f"{where}: specular"),
+            base_color=checks.vector(self.base_color, f"{where}: base_color"),
+            shading=checks.choice(self.shading, SHADINGS, f"{where}: shading"),
+            specular=checks.vector(self.specular, f"{where}: specular"),
+            shininess=checks.number(self.shininess, f"{where}: shininess", above=0.0),
+            double_sided=checks.flag(self.double_sided, f"{where}: double_sided"),
         )
-        if not (np.isfinite(self.shininess) and self.shininess > 0):
-            raise SceneError(f"{where}: shininess={self.shininess!r}, expected a number above 0")
 
 
 @dataclass(frozen=True)
@@ -108,17 +110,17 @@ class Light:
     transform: Placement | None = None
 
     def __post_init__(self) -> None:
-        check_choice(self.kind, LIGHT_KINDS, "light: kind")
-        direction = vector(self.direction, "light: direction")
-        if self.kind == "directional" and not any(direction):
+        kind = checks.choice(self.kind, LIGHT_KINDS, "light: kind")
+        direction = checks.vector(self.direction, "light: direction")
+        if kind == "directional" and not any(direction):
             raise SceneError("light: direction is zero; give the way that light travels")
-        if not (np.isfinite(self.intensity) and self.intensity >= 0):
-            raise SceneError(f"light: intensity={self.intensity!r}, expected a number from 0 up")
         freeze(
             self,
-            color=vector(self.color, "light: color"),
+            kind=kind,
+            color=checks.vector(self.color, "light: color"),
+            intensity=checks.number(self.intensity, "light: intensity", 0.0),
             direction=direction,
-            position=vector(self.position, "light: position"),
+            position=checks.vector(self.position, "light: position"),
         )
 
     def at(self, frame: float) -> Light:
@@ -182,42 +184,13 @@ class Mesh:
     shading: InitVar[str | None] = None
 
     def __post_init__(self, shading: str | None) -> None:
-        where = f"mesh {self.name!r}"
-        positions = numbers(self.positions, np.float64, f"{where}: positions")
-        if positions.ndim not in (2, 3) or positions.shape[-1] != 3 or positions.shape[0] == 0:
-            raise SceneError(
-                f"{where}: positions have shape {positions.shape}, expected (N, 3) for a static "
-                "mesh or (K+1, N, 3) for K motion segments"
-            )
-        if positions.ndim == 3 and positions.shape[0] == 1:
-            positions = positions[0]
-        check_finite(positions, f"{where}: positions", "vertex")
+        where = checks.named("mesh", self.name)
+        positions = check_positions(self.positions, where)
         count, times = positions.shape[-2], positions.shape[0] if positions.ndim == 3 else 1
-        faces = _faces(self.faces, count, where)
-        normals = _attribute(self.normals, 3, count, times, f"{where}: normals")
-        uv = _attribute(self.uv, 2, count, times, f"{where}: uv")
-        color, domain = _color(self.color, self.color_domain, count, len(faces), times, where)
-        if shading is not None:
-            if self.material is not None:
-                raise SceneError(f"{where}: material and shading both given; give one")
-            freeze(self, material=Material(shading=shading))
-        segments = self.motion_segments
-        if segments is not None and (
-            isinstance(segments, bool) or not isinstance(segments, int) or segments < 1
-        ):
-            raise SceneError(f"{where}: motion_segments={segments!r}, expected a whole number >= 1")
-        if self.deformer is not None and times > 1:
-            raise SceneError(f"{where}: a deformer and positions per time; give one")
-        if segments is not None and times > 1 and segments % (times - 1):
-            raise SceneError(
-                f"{where}: motion_segments={segments}, but positions are given for {times - 1} "
-                "segments; expected a multiple of that"
-            )
-        if isinstance(self.visible, Track) and (
-            self.visible.interpolation != "step" or self.visible.values.ndim != 1
-        ):
-            raise SceneError(f"{where}: visible must be true, false or a stepped track of numbers")
-        number(self.shutter_scale, f"{where}: shutter_scale", 0.0, error=SceneError)
+        faces = check_faces(self.faces, count, where)
+        normals = check_attribute(self.normals, 3, count, times, f"{where}: normals")
+        uv = check_attribute(self.uv, 2, count, times, f"{where}: uv")
+        color, domain = check_color(self.color, self.color_domain, count, len(faces), times, where)
         freeze(
             self,
             positions=positions,
@@ -226,7 +199,39 @@ class Mesh:
             uv=uv,
             color=color,
             color_domain=domain,
+            visible=_visibility(self.visible, f"{where}: visible"),
+            motion_blur=checks.flag(self.motion_blur, f"{where}: motion_blur"),
+            shutter_scale=checks.number(self.shutter_scale, f"{where}: shutter_scale", 0.0),
         )
+        self._check_material(shading, where)
+        self._check_segments(where)
+        if self.transform is not None:
+            check_place(self.transform, f"{where}: transform")
+        if self.deformer is not None and self.times > 1:
+            raise SceneError(f"{where}: a deformer and positions per time; give one")
+
+    def _check_material(self, shading: str | None, where: str) -> None:
+        if self.material is not None:
+            checks.check_kind(self.material, Material, f"{where}: material")
+        if shading is None:
+            return
+        if self.material is not None:
+            raise SceneError(f"{where}: material and shading both given; give one")
+        freeze(
+            self, material=Material(shading=checks.choice(shading, SHADINGS, f"{where}: shading"))
+        )
+
+    def _check_segments(self, where: str) -> None:
+        if self.motion_segments is None:
+            return
+        most = max(MOST_SEGMENTS, self.times - 1)
+        segments = checks.whole_number(self.motion_segments, f"{where}: motion_segments", 1, most)
+        if self.times > 1 and segments % (self.times - 1):
+            raise SceneError(
+                f"{where}: motion_segments={segments}, but positions are given for "
+                f"{self.times - 1} segments; expected a multiple of that"
+            )
+        freeze(self, motion_segments=segments)
 
     @property
     def times(self) -> int:
@@ -255,9 +260,9 @@ class Mesh:
 class Scene:
     """Everything that is rendered; it can be evaluated at any frame.
 
-    ``background`` is a colour, or an image ``(h, w, 3)``, scene-linear, that fills the frame.
-    ``animation`` is the first and the last frame of the animation that was read, if any; ``notes``
-    are what a reader had to assume; ``mbinterval info`` prints them.
+    ``background`` is a colour, or an image ``(h, w, 3)``, scene-linear, that fills the frame; alpha
+    that `read_image` brings is left out.
+    ``notes`` are what a reader had to assume; ``mbinterval info`` prints them.
     """
 
     meshes: Sequence[Mesh]
@@ -271,81 +276,34 @@ class Scene:
     animation: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name, kind in (("meshes", Mesh), ("lights", Light)):
-            items = tuple(getattr(self, name))
-            for index, item in enumerate(items):
-                if not isinstance(item, kind):
-                    raise SceneError(
-                        f"scene: {name}[{index}] is {type(item).__name__}, expected {kind.__name__}"
-                    )
-            freeze(self, **{name: items})
-        if not (np.isfinite(self.fps) and self.fps > 0):
-            raise SceneError(f"scene: fps={self.fps!r}, expected a number above 0")
-        if np.ndim(self.background) == 1:
-            freeze(self, background=vector(self.background, "scene: background"))
-        else:
-            image = numbers(self.background, np.float32, "scene: background")
-            if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
-                raise SceneError(
-                    f"scene: background has shape {image.shape}, expected (3,) or (h, w, 3)"
-                )
-            check_finite(image, "scene: background", "pixel")
-            freeze(self, background=image)
-
-
-def _faces(value: ArrayLike, count: int, where: str) -> NDArray[np.int32]:
-    faces = np.asarray(value)
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise SceneError(
-            f"{where}: faces have shape {faces.shape} and type {faces.dtype}, expected (F, 3) "
-            "integers; triangulate polygons first"
+        if self.camera is not None:
+            checks.check_kind(self.camera, Camera, "scene: camera")
+        checks.check_kind(self.shutter, Shutter, "scene: shutter")
+        freeze(
+            self,
+            meshes=checks.items(self.meshes, Mesh, "scene: meshes"),
+            lights=checks.items(self.lights, Light, "scene: lights"),
+            background=_background(self.background),
+            fps=checks.number(self.fps, "scene: fps", above=0.0),
+            name=checks.text(self.name, "scene: name"),
+            notes=checks.items(self.notes, str, "scene: notes"),
         )
-    if faces.size and (faces.min() < 0 or faces.max() >= count):
-        face = int(np.argwhere((faces < 0) | (faces >= count))[0][0])
-        raise SceneError(
-            f"{where}: face {face} is {faces[face].tolist()}, "
-            f"but vertices run from 0 to {count - 1}"
-        )
-    return faces.astype(np.int32)
 
 
-def _attribute(
-    value: ArrayLike | None, width: int, count: int, times: int, what: str
-) -> Float64 | None:
-    if value is None:
-        return None
-    array = numbers(value, np.float64, what)
-    shapes = [(count, width)] + ([(times, count, width)] if times > 1 else [])
-    if array.shape not in shapes:
-        expected = " or ".join(map(str, shapes))
-        raise SceneError(f"{what} have shape {array.shape}, expected {expected}")
-    check_finite(array, what, "vertex")
-    return array
+def _visibility(value: Any, what: str) -> bool | Track:
+    if not isinstance(value, Track):
+        return checks.flag(value, what)
+    if value.interpolation != "step" or value.shape != ():
+        raise SceneError(f"{what} is keyed, but not by a stepped track of single numbers")
+    return value
 
 
-def _color(
-    value: ArrayLike | None, domain: str, count: int, faces: int, times: int, where: str
-) -> tuple[Float32 | None, str]:
-    """Colour with its domain made explicit: ``"face"`` (F, 3) or ``"vertex"`` (..., N, 3)."""
-    what = f"{where}: color"
-    check_choice(domain, ("auto", "face", "vertex"), f"{where}: color_domain")
-    if value is None:
-        return None, domain
-    array = numbers(value, np.float32, what)
-    if array.shape == (3,):
-        array, domain = np.broadcast_to(array, (faces, 3)), "face"
-    shapes: dict[str, list[tuple[int, ...]]]
-    shapes = {"face": [(faces, 3)], "vertex": [(count, 3)] + [(times, count, 3)] * (times > 1)}
-    fitting = [key for key in shapes if domain in ("auto", key) and array.shape in shapes[key]]
-    if not fitting:
-        raise SceneError(
-            f"{what} has shape {array.shape}, expected (3,), {(faces, 3)} per face or "
-            f"{(count, 3)} per vertex"
-        )
-    if len(fitting) == 2:
-        raise SceneError(
-            f"{what} of shape {array.shape} fits both faces and vertices; "
-            'give color_domain="face" or "vertex"'
-        )
-    check_finite(array[..., :], what, "vertex" if fitting[0] == "vertex" else "face")
-    return array, fitting[0]
+def _background(value: Any) -> Vector | Float32:
+    what = "scene: background"
+    if isinstance(value, str | Path) or np.ndim(value) == 3:
+        pixels: Float32 = checks.image(value, what)[..., :3]
+        return pixels
+    try:
+        return checks.vector(value, what)
+    except SceneError:
+        raise checks.refuse(value, what, "three finite numbers, or an image (h, w, 3)") from None

@@ -14,6 +14,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInfo
 from pydantic_core import PydanticCustomError
 
+from mbinterval.errors import UsageError
+from mbinterval.frames import parse_frames, parse_outputs
+
 Vector3 = tuple[float, float, float]
 
 
@@ -89,6 +92,24 @@ def _existing(value: Any, info: ValidationInfo) -> Path:
     return path
 
 
+def _frames(value: Any) -> str:
+    try:
+        parse_frames(str(_text_or_count(value)))
+    except UsageError as error:
+        raise _problem(str(error)) from None
+    return str(value)
+
+
+def _output(value: Any) -> str:
+    if not isinstance(value, str):
+        raise _problem(f"expected a string in quotes, got {value!r:.80}")
+    try:
+        parse_outputs(value)
+    except UsageError as error:
+        raise _problem(str(error)) from None
+    return value
+
+
 def _text_or_count(value: Any) -> str | int:
     if isinstance(value, bool) or not isinstance(value, str | int):
         raise _problem(f"expected a string or a whole number, got {value!r:.80}")
@@ -105,6 +126,7 @@ def _problem(text: str) -> PydanticCustomError:
 
 Curve = Annotated[str | tuple[float, ...], PlainValidator(_curve)]
 Vec3 = Annotated[Vector3, PlainValidator(_numbers(3))]
+Pair = Annotated[tuple[float, float], PlainValidator(_numbers(2))]
 Direction = Annotated[Vector3, PlainValidator(_up)]
 Scale = Annotated[Vector3, PlainValidator(_scale)]
 Rotation = Annotated[tuple[float, float, float, float], PlainValidator(_rotation)]
@@ -116,6 +138,7 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Angle = Annotated[float, Field(gt=0, lt=180)]
 Count = Annotated[int, Field(ge=1)]
+Pixels = Annotated[int, Field(ge=1, le=65536)]
 Interpolation = Literal["linear", "step"]
 
 
@@ -176,7 +199,7 @@ class CameraTable(Table):
     focus_distance: Positive | None = None
     blades: int | None = None
     blade_rotation: float | None = None
-    sharp_range: tuple[Positive, Positive] | None = None
+    sharp_range: Pair | None = None
     foreground_blur: NotNegative | None = None
     meters_per_unit: Positive | None = None
     interpolation: Interpolation = "linear"
@@ -274,10 +297,10 @@ class GeneratorTable(Table):
 class RenderTable(Table):
     """Defaults of the command line."""
 
-    width: Count | None = None
-    height: Count | None = None
-    frames: TextOrCount | None = None
-    output: str | None = None
+    width: Pixels | None = None
+    height: Pixels | None = None
+    frames: Annotated[str | None, PlainValidator(_frames)] = None
+    output: Annotated[str | None, PlainValidator(_output)] = None
 
 
 class SceneTable(Table):

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.checks import shown
 from mbinterval.errors import SceneError
+from mbinterval.scene import checks
 
 Float64 = NDArray[np.float64]
 
@@ -44,9 +46,9 @@ class Track:
     quaternion: bool = False
 
     def __post_init__(self) -> None:
-        frames = np.array(self.frames, dtype=np.float64)
-        values = np.array(self.values, dtype=np.float64)
-        if frames.ndim != 1 or len(frames) == 0 or len(frames) != len(values):
+        frames = checks.numbers(self.frames, np.float64, "track: frames")
+        values = checks.numbers(self.values, np.float64, "track: values")
+        if frames.ndim != 1 or len(frames) == 0 or values.shape[:1] != frames.shape:
             raise SceneError(
                 f"track: {frames.shape} key times for values of shape {values.shape}; "
                 "expected as many times as values, at least one"
@@ -54,24 +56,19 @@ class Track:
         if not (np.isfinite(frames).all() and np.isfinite(values).all()):
             raise SceneError("track: every key time and value must be finite")
         if np.any(np.diff(frames) <= 0):
-            raise SceneError(f"track: key times must increase, got {frames.tolist()}")
-        if self.interpolation not in INTERPOLATIONS:
-            raise SceneError(
-                f"track: interpolation={self.interpolation!r}, expected one of "
-                + ", ".join(map(repr, INTERPOLATIONS))
-            )
-        cubic = self.interpolation == "cubic"
+            raise SceneError(f"track: key times must increase, got {shown(frames.tolist())}")
+        interpolation = checks.choice(self.interpolation, INTERPOLATIONS, "track: interpolation")
+        cubic = interpolation == "cubic"
         if cubic and (values.ndim != 3 or values.shape[1] != 3):
             raise SceneError(f"track: cubic values have shape {values.shape}, expected (n, 3, d)")
-        if self.quaternion:
-            at_keys = values[:, 1] if cubic else values
-            lengths = np.linalg.norm(at_keys, axis=-1, keepdims=True)
-            if at_keys.shape[1:] != (4,) or not lengths.all():
-                raise SceneError("track: rotation keys must be non-zero quaternions x, y, z, w")
-            values = values if cubic else values / lengths
-        frames.flags.writeable = values.flags.writeable = False
-        object.__setattr__(self, "frames", frames)
-        object.__setattr__(self, "values", values)
+        if checks.flag(self.quaternion, "track: quaternion"):
+            values = _unit_keys(values, cubic)
+        checks.freeze(self, frames=frames, values=values, interpolation=interpolation)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of a value, ``()`` or ``(d,)``."""
+        return self.values.shape[2 if self.interpolation == "cubic" else 1 :]
 
     @property
     def jumps(self) -> list[float]:
@@ -109,6 +106,15 @@ class Track:
         return np.asarray(value / np.linalg.norm(value) if self.quaternion else value)
 
 
+def _unit_keys(values: Float64, cubic: bool) -> Float64:
+    """Quaternion keys of length 1; of a cubic they keep their lengths, as tangents go with them."""
+    at_keys = values[:, 1] if cubic else values
+    if at_keys.shape[1:] != (4,) or not np.linalg.norm(at_keys, axis=-1).all():
+        raise SceneError("track: rotation keys must be non-zero quaternions x, y, z, w")
+    return values if cubic else values / np.linalg.norm(values, axis=-1, keepdims=True)
+
+
+@runtime_checkable
 class Placement(Protocol):
     """A place in the world over time; `Transform` is one."""
 
@@ -140,6 +146,25 @@ class Transform:
     scale: Track | tuple[float, float, float] = (1.0, 1.0, 1.0)
     matrix: Float64 | None = None
     parent: Transform | None = None
+
+    def __post_init__(self) -> None:
+        for name, count, expected in (
+            ("translation", 3, "three finite numbers"),
+            ("rotation", 4, "four finite numbers, a quaternion x, y, z, w"),
+            ("scale", 3, "three finite numbers"),
+        ):
+            value, what = getattr(self, name), f"transform: {name}"
+            if keyed(value, (count,), what) is None:
+                checks.freeze(self, **{name: checks.row(value, count, what, expected)})
+        if isinstance(self.rotation, Track):
+            if not self.rotation.quaternion:
+                raise SceneError("transform: rotation is keyed without Track(quaternion=True)")
+        elif not any(self.rotation):
+            raise SceneError("transform: rotation is a quaternion of length 0; give x, y, z, w")
+        if self.matrix is not None:
+            checks.freeze(self, matrix=_affine(self.matrix))
+        if self.parent is not None:
+            checks.check_kind(self.parent, Transform, "transform: parent")
 
     @property
     def tracks(self) -> list[Track]:
@@ -191,6 +216,34 @@ def matrices_at(nodes: Sequence[Transform], frame: float) -> Float64:
             local = item._local(frame)
             known[id(item)] = local if item.parent is None else known[id(item.parent)] @ local
     return np.array([known[id(node)] for node in nodes]).reshape(-1, 4, 4)
+
+
+def keyed(value: Any, shape: tuple[int, ...], what: str) -> Track | None:
+    """Return ``value`` if it is a track, of values that have ``shape``; None if it is none."""
+    if not isinstance(value, Track):
+        return None
+    if value.shape != shape:
+        expected = f"{shape[0]} numbers" if shape else "one number"
+        raise SceneError(f"{what} is keyed with values of shape {value.shape}, expected {expected}")
+    return value
+
+
+def check_place(value: Any, what: str) -> None:
+    """Refuse what is no place in the world over time."""
+    if not isinstance(value, Placement):
+        raise checks.refuse(value, what, "a Transform")
+
+
+def _affine(value: Any) -> Float64:
+    matrix = checks.numbers(value, np.float64, "transform: matrix")
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise checks.refuse(value, "transform: matrix", "4 x 4 finite numbers")
+    if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), rtol=0.0, atol=1e-6):
+        raise SceneError(
+            f"transform: the last row of matrix is {matrix[3].tolist()}, expected [0, 0, 0, 1]; it "
+            "acts on columns: transpose one that acts on rows"
+        )
+    return matrix
 
 
 def _value(value: Track | tuple[float, ...], frame: float) -> Float64:

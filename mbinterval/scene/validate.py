@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
-import difflib
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import ValidationError
 
+from mbinterval.checks import nearest, shown
 from mbinterval.errors import SceneError, UsageError
 from mbinterval.scene.load import GLTF_SUFFIXES, USD_SUFFIXES
 from mbinterval.scene.schema import SceneTable, Table
-from mbinterval.settings import Settings
+from mbinterval.settings import SETTINGS, check_setting
+from mbinterval.settings import conflicts as settings_conflicts
 
 Problem = tuple[str, str]
 """Path in the file, and what is wrong there."""
@@ -39,8 +39,11 @@ _PRIMITIVE_FIELDS = {
 }
 
 
-def validate(data: Any, base: Path, file: str) -> SceneTable:
+def validate(data: Any, base: Path, file: str, overruled: Collection[str] = ()) -> SceneTable:
     """Check a parsed scene file; relative paths are relative to ``base``.
+
+    Each setting is checked by itself, and all of them together but for those that are
+    ``overruled``: what these go with is not the file's to say.
 
     Raises ``SceneError`` with one line per error; ``file`` names the scene file in it.
     """
@@ -52,7 +55,7 @@ def validate(data: Any, base: Path, file: str) -> SceneTable:
         table = SceneTable.model_validate(data, context={"base": base})
     except ValidationError as error:
         problems += [_translate(item) for item in error.errors(include_url=False)]
-    problems += conflicts(data)
+    problems += conflicts(data, overruled)
     if problems or table is None:
         raise scene_error(file, problems)
     return table
@@ -74,24 +77,16 @@ def _translate(error: Mapping[str, Any]) -> Problem:
     if kind == "missing":
         return path, "is missing"
     if kind in _TYPES:
-        return path, f"expected {_TYPES[kind]}, got {_shown(error['input'])}"
+        return path, f"expected {_TYPES[kind]}, got {shown(error['input'])}"
     text = str(error["msg"])
     if text.startswith("Input should be "):
-        text = f"expected {text[16:]}, got {_shown(error['input'])}"
+        text = f"expected {text[16:]}, got {shown(error['input'])}"
     return path, text
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
     """Say that a field is unknown, with the nearest known one."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return "unknown field, " + (
-        f"did you mean {near[0]}?" if near else f"known here: {', '.join(known)}"
-    )
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return f"unknown field, {nearest(name, known)}"
 
 
 def _fields(loc: tuple[str | int, ...]) -> list[str]:
@@ -114,9 +109,9 @@ def _path(names: Iterable[str | int]) -> str:
     return text.lstrip(".")
 
 
-def conflicts(data: Mapping[str, Any]) -> list[Problem]:
+def conflicts(data: Mapping[str, Any], overruled: Collection[str] = ()) -> list[Problem]:
     """What is wrong between fields, from the file as parsed, so that other errors don't hide it."""
-    problems = list(_settings(data.get("settings")))
+    problems = list(_settings(_mapping(data.get("settings")), overruled))
     camera = _mapping(data.get("camera"))
     problems += _camera(camera)
     problems += _transform("camera.transform", _mapping(camera.get("transform")))
@@ -133,16 +128,21 @@ def conflicts(data: Mapping[str, Any]) -> list[Problem]:
     return problems
 
 
-def _settings(settings: Any) -> Iterator[Problem]:
-    known = [field.name for field in dataclasses.fields(Settings)]
-    for name, value in _mapping(settings).items():
-        if name not in known:
-            yield f"settings.{name}", unknown(str(name), known)
+def _settings(settings: Mapping[str, Any], overruled: Collection[str]) -> Iterator[Problem]:
+    right = {}
+    for name, value in settings.items():
+        if name not in SETTINGS:
+            yield f"settings.{name}", unknown(str(name), SETTINGS)
             continue
         try:
-            Settings.from_mapping({name: value})
+            right[name] = check_setting(name, value)
         except UsageError as error:
             yield f"settings.{name}", str(error).removeprefix(f"{name}=")
+    for conflict in settings_conflicts(right):
+        # What is wrong or overruled is not judged together with what is given.
+        if not set(conflict.names) & (set(overruled) | settings.keys() - right.keys()):
+            blamed = next(name for name in conflict.names if name in right)
+            yield f"settings.{blamed}", conflict.text
 
 
 def _camera(camera: Mapping[str, Any]) -> Iterator[Problem]:

@@ -9,7 +9,7 @@ kernel void intervals_tile(global const Path *paths, global const Shape *shapes,
                            global uint *result)
 {
     Tile tile;
-    tile.scene.paths = paths, tile.scene.shapes = shapes;
+    tile.scene.paths = paths, tile.shapes = shapes;
     tile.scene.meshes = meshes, tile.scene.materials = materials;
     tile.row_low = 0, tile.row_high = ROWS;
     tile.fragments = fragments, tile.heads = heads;

@@ -8,7 +8,7 @@ kernel void rasterize_tile(global const Vertex *vertices, global const Path *pat
                            global uint *result)
 {
     Tile tile;
-    tile.scene.vertices = vertices, tile.scene.paths = paths, tile.scene.shapes = shapes;
+    tile.scene.vertices = vertices, tile.scene.paths = paths, tile.shapes = shapes;
     tile.scene.slots = slots;
     tile.x = x, tile.y = y, tile.layer = 0;
     tile.x_low = tile.y_low = 0, tile.x_high = tile.y_high = TILE;

@@ -7,8 +7,11 @@ kernel void lookups(global const float4 *texels, global const Texture *textures,
                     global const float *uvs, global const float *levels, uint count,
                     global float *colors)
 {
-    for (uint i = 0; i < count; i++)
-        vstore3(texture_at(texels, textures[0], vload2(i, uvs), levels[i]), i, colors);
+    for (uint i = 0; i < count; i++) {
+        Lanes u = uvs[2 * i], v = uvs[2 * i + 1];
+        Lanes3 found = texture_at(texels, textures[0], u, v, levels[i], 6);
+        vstore3((float3)(found.x.s5, found.y.s5, found.z.s5), i, colors);
+    }
 }
 
 kernel void reflections(global const Material *materials, global const float *given, uint count,

@@ -26,7 +26,7 @@ kernel void solve_pairs(global const Vertex *vertices, global const Path *paths,
                         global uint *met, global uint *result)
 {
     Tile tile;
-    tile.scene.vertices = vertices, tile.scene.paths = paths, tile.scene.shapes = shapes;
+    tile.scene.vertices = vertices, tile.scene.paths = paths, tile.shapes = shapes;
     tile.scene.meshes = meshes, tile.scene.materials = materials;
     tile.visits = visits, tile.visit_count = 0, tile.capacity = capacity;
     tile.heads = heads, tile.tails = tails, tile.met = met;
@@ -56,7 +56,7 @@ kernel void solve_all(global const Vertex *vertices, global const Path *paths,
                       global uint *result)
 {
     Tile tile;
-    tile.scene.vertices = vertices, tile.scene.paths = paths, tile.scene.shapes = shapes;
+    tile.scene.vertices = vertices, tile.scene.paths = paths, tile.shapes = shapes;
     tile.scene.meshes = meshes, tile.scene.materials = materials;
     tile.visits = visits, tile.visit_count = 0, tile.capacity = capacity;
     tile.heads = heads, tile.tails = tails, tile.met = met;

@@ -2,8 +2,12 @@
 #ifndef MB_ATTRIBUTES_H
 #define MB_ATTRIBUTES_H
 
-#include "analytic/tile.h"
+#include "shared/scene.h"
 #include "shared/shading.h"
+
+#if defined(LENS) || defined(STOCHASTIC)
+#define VIEW_VARIES // samples of one surface don't look along one ray
+#endif
 
 // A path as one sample sees it. Corners 0 1 2 are its vertices at the segment's start, 3 4 5 at its
 // end.
@@ -41,19 +45,19 @@ static inline uint attribute_index(const Shaded *s, uint base, uint step, int co
 }
 
 #ifdef PHONG
-static inline global const Camera *segment_camera(const Tile *tile, const Shaded *s, int end)
+static inline global const Camera *segment_camera(const Scene *scene, const Shaded *s, int end)
 {
-    return tile->scene.cameras + s->mesh.camera
+    return scene->cameras + s->mesh.camera
            + (s->path.step == 0 ? 0u : s->segment + (uint)end);
 }
 
 // Unit normal of the flat triangle at the segment's start (0) or end (1), in the world.
-static float3 face_normal(const Tile *tile, const Shaded *s, int end)
+static float3 face_normal(const Scene *scene, const Shaded *s, int end)
 {
-    global const double *m = segment_camera(tile, s, end)->inverse;
+    global const double *m = segment_camera(scene, s, end)->inverse;
     double3 p[3];
     for (int i = 0; i < 3; i++) {
-        Vertex q = tile->scene.vertices[corner_vertex(s->path, i + 3 * end)];
+        Vertex q = scene->vertices[corner_vertex(s->path, i + 3 * end)];
         p[i] = (double3)(m[0] * q.x + m[1] * q.y + m[2] * q.w, m[3] * q.x + m[4] * q.y + m[5] * q.w,
                          m[6] * q.x + m[7] * q.y + m[8] * q.w);
     }
@@ -63,34 +67,34 @@ static float3 face_normal(const Tile *tile, const Shaded *s, int end)
 }
 #endif
 
-static void load_corners(const Tile *tile, Shaded *s)
+static void load_corners(const Scene *scene, Shaded *s)
 {
     Mesh mesh = s->mesh;
     for (int i = 0; i < 6; i++) {
         s->uv[i] = 0.0f, s->normal[i] = 0.0f, s->color[i] = 1.0f, s->circle[i] = 0.0f;
 #ifdef LENS
-        s->circle[i] = (float)tile->scene.vertices[corner_vertex(s->path, i)].circle;
+        s->circle[i] = (float)scene->vertices[corner_vertex(s->path, i)].circle;
 #endif
 #ifdef TEXTURED
         if (mesh.uv != NONE)
-            s->uv[i] = vload2(attribute_index(s, mesh.uv, mesh.uv_step, i), tile->scene.uvs);
+            s->uv[i] = vload2(attribute_index(s, mesh.uv, mesh.uv_step, i), scene->uvs);
 #endif
 #ifdef VERTEX_COLOR
         if (mesh.color != NONE)
             s->color[i] = vload3(attribute_index(s, mesh.color, mesh.color_step, i),
-                                 tile->scene.vertex_colors);
+                                 scene->vertex_colors);
 #endif
 #ifdef PHONG
         if (mesh.normal != NONE)
             s->normal[i] = vload3(attribute_index(s, mesh.normal, mesh.normal_step, i),
-                                  tile->scene.normals);
+                                  scene->normals);
 #endif
     }
 #ifdef PHONG
     if (mesh.normal == NONE && (s->material.flags & MATERIAL_PHONG))
         for (int end = 0; end < 2; end++)
             s->normal[3 * end] = s->normal[3 * end + 1] = s->normal[3 * end + 2]
-                = face_normal(tile, s, end);
+                = face_normal(scene, s, end);
 #endif
 }
 
@@ -116,35 +120,33 @@ static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
 
 #ifdef PHONG
 // The view through the sample's point of the film at the segment's start and end.
-static void load_view(const Tile *tile, Shaded *s)
+static void load_view(const Scene *scene, Shaded *s)
 {
     for (int end = 0; end < 2; end++) {
-        global const Camera *camera = segment_camera(tile, s, end);
+        global const Camera *camera = segment_camera(scene, s, end);
         float ray[3], eye[3];
         for (int i = 0; i < 3; i++) {
             global const double *m = camera->inverse + 3 * i;
             ray[i] = (float)(m[0] * s->place.x + m[1] * s->place.y + m[2]);
-            eye[i] = (float)(camera->eye[i] - tile->scene.cameras[0].eye[i]);
+            eye[i] = (float)(camera->eye[i] - scene->cameras[0].eye[i]);
         }
         s->ray[end] = (float3)(ray[0], ray[1], ray[2]);
         s->eye[end] = (float3)(eye[0], eye[1], eye[2]);
     }
 }
 
-// Reflected light at times t of the shutter and depths w.
-static Lanes3 reflect_light(const Tile *tile, const Shaded *s, const Attributes *a, Lanes3 color,
-                            Lanes t, Lanes w)
+// Reflected light at times t of the shutter and depths w, of what is seen at (across, down) from
+// the place of `s`, in pixels.
+static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attributes *a, Lanes3 color,
+                            Lanes t, Lanes w, Lanes across, Lanes down)
 {
     Lanes tau = (t - s->path.open) * (1.0f / path_length(s->path));
     Lanes3 ray = {s->ray[0].x, s->ray[0].y, s->ray[0].z};
     Lanes3 position = {s->eye[0].x, s->eye[0].y, s->eye[0].z};
-    w = lanes_min(lanes_max(w, 1e-30f), 1e30f); // no infinity, and not in the eye
     ray = lanes_added(ray, tau, s->ray[1] - s->ray[0]);
     position = lanes_added(position, tau, s->eye[1] - s->eye[0]);
-#ifdef LENS
-    // The point is seen through the middle of the lens where its circle of confusion is not.
-    global const double *m = segment_camera(tile, s, 0)->inverse;
-    Lanes across = -s->place.u * a->circle / w, down = -s->place.v * a->circle / w;
+#ifdef VIEW_VARIES
+    global const double *m = segment_camera(scene, s, 0)->inverse;
     ray = lanes_added(ray, across, (float3)(m[0], m[3], m[6]));
     ray = lanes_added(ray, down, (float3)(m[1], m[4], m[7]));
 #endif
@@ -153,8 +155,8 @@ static Lanes3 reflect_light(const Tile *tile, const Shaded *s, const Attributes 
     if (!(s->material.flags & MATERIAL_SINGLE_SIDED))
         normal = lanes_scaled(normal, lanes_dot(normal, view) < 0.0f ? (Lanes)(-1.0f)
                                                                       : (Lanes)(1.0f));
-    return phong(&s->material, color, position, normal, view, tile->scene.lights,
-                 tile->scene.light_count);
+    return phong(&s->material, color, position, normal, view, scene->lights,
+                 scene->light_count);
 }
 #endif
 

@@ -1,0 +1,28 @@
+// From the unit square to the lens: a disc, or a polygon of blades.
+#ifndef MB_LENS_H
+#define MB_LENS_H
+
+// Area-preserving map of the unit square to the unit disc.
+static float2 square_to_disc(float2 square)
+{
+    float x = 2.0f * square.x - 1.0f, y = 2.0f * square.y - 1.0f;
+    if (x == 0.0f && y == 0.0f) return (float2)(0.0f);
+    bool wide = fabs(x) > fabs(y);
+    float radius = wide ? x : y;
+    float angle = wide ? M_PI_4_F * (y / x) : M_PI_2_F - M_PI_4_F * (x / y);
+    return radius * (float2)(cos(angle), sin(angle));
+}
+
+#ifdef BLADES
+// Likewise to the regular polygon of BLADES sides within the unit disc.
+static float2 square_to_polygon(float2 square)
+{
+    float scaled = square.x * BLADES, blade = floor(scaled), along = scaled - blade;
+    float step = 2.0f * M_PI_F / BLADES, a = blade * step + BLADE_ROTATION;
+    float out = sqrt(square.y);
+    float2 p = (float2)(cos(a), sin(a)), q = (float2)(cos(a + step), sin(a + step));
+    return out * mix(p, q, along);
+}
+#endif
+
+#endif

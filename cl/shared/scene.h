@@ -1,0 +1,32 @@
+// A scene as the kernels see it, and the samples that look at it.
+#ifndef MB_SCENE_H
+#define MB_SCENE_H
+
+#include "shared/records.h"
+
+typedef struct {
+    global const Vertex *vertices;
+    global const Path *paths;
+    global const Mesh *meshes;
+    global const Material *materials;
+    global const float *vertex_colors; // three per vertex and time
+    global const float *uvs;           // two
+    global const float *normals;       // three
+    global const Texture *textures;
+    global const float4 *texels;
+    global const Light *lights;
+    uint light_count;
+    global const Camera *cameras;
+    global const Slot *slots;      // of the samples of a pixel
+    global const float *filter;    // inverse of the filter's cumulative weight
+    global const ShutterKey *shutter;
+    uint seed;
+    float roll_start, roll_step, roll_length; // of a rolling shutter's lines, in the shutter's time
+} Scene;
+
+// A sample: its place in the frame, in pixels, and the point of the lens that it looks through.
+typedef struct {
+    float x, y, u, v;
+} Place;
+
+#endif

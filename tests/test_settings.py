@@ -1,0 +1,96 @@
+"""Settings: what passes, what is stored, and what is refused, alone and together."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from mbinterval.errors import UsageError
+from mbinterval.settings import OCCLUSIONS, SETTINGS, Settings, check_setting, conflicts
+
+WRONG = {
+    "method": ["exact", None, 1, ["analytic"]],
+    "paths": ["wiggly", True, np.ones(2)],
+    "pairing": ["", 0],
+    "occlusion": [128.0, "128", True, 48, None, [128], np.float32(64)],
+    "partial_bits": [1, 0, "yes", None, np.True_],
+    "max_intervals": [0, 2.0, True, "90", 2**20 + 1],
+    "samples": [0, 257, 4.0, True, "4", None, np.float64(4)],
+    "pattern": ["random", None],
+    "filter": ["gauss", 2],
+    "filter_radius": [0, -1, 8.1, True, "1", float("nan"), float("inf"), [1.0]],
+    "texture_samples": [0, 1025, 1.5, False],
+    "motion_segments": [0, 4097, 1.0, True],
+    "seed": [-1, 2**32, 0.0, None],
+    "transparent": [1, "no", None],
+    "tile_size": [4, 16.0, True, None, "16"],
+}
+
+
+def test_every_setting_is_here():
+    assert set(WRONG) == set(SETTINGS) == {field.name for field in fields(Settings)}
+
+
+@pytest.mark.parametrize(("name", "value"), [(n, v) for n, vs in WRONG.items() for v in vs])
+def test_a_wrong_value_names_the_setting_and_what_is_expected(name, value):
+    with pytest.raises(UsageError, match=rf"^{name}=.*: expected ") as caught:
+        Settings(**{name: value})
+    assert "\n" not in str(caught.value)
+    with pytest.raises(UsageError):
+        check_setting(name, value)
+
+
+def test_numpys_numbers_are_stored_as_pythons():
+    given = Settings(
+        occlusion=np.int64(128), samples=np.uint8(9), seed=np.int32(3), tile_size=np.int16(8),
+        filter=np.str_("gaussian"), filter_radius=np.float32(1.5), motion_segments=np.array(2),
+    )  # fmt: skip
+    plain = Settings(
+        occlusion=128, samples=9, seed=3, tile_size=8,
+        filter="gaussian", filter_radius=1.5, motion_segments=2,
+    )  # fmt: skip
+    assert given == plain
+    assert hash(given) == hash(plain)
+    assert repr(given) == repr(plain)
+    assert type(Settings(filter_radius=2).filter_radius) is float
+
+
+@pytest.mark.parametrize("value", OCCLUSIONS)
+def test_every_occlusion_is_taken(value):
+    assert Settings(occlusion=value).occlusion == value
+
+
+@pytest.mark.parametrize(
+    ("values", "names", "remedy"),
+    [
+        ({"paths": "triangulated", "pattern": "sobol"}, ("pattern", "paths"), "pattern='fixed'"),
+        ({"max_intervals": 90}, ("max_intervals", "paths"), "paths='triangulated'"),
+        ({"partial_bits": True}, ("partial_bits", "occlusion"), "32 to 1024"),
+        ({"filter": "five_point"}, ("filter", "samples"), "use filter='box'"),
+        (
+            {"filter": "five_point", "samples": 1, "pattern": "sobol"},
+            ("filter", "pattern"),
+            "use filter='box'",
+        ),
+        (
+            {"filter": "five_point", "samples": 1, "filter_radius": 1.0},
+            ("filter_radius", "filter"),
+            "has none",
+        ),
+    ],
+)
+def test_settings_that_do_not_go_together_name_both_and_the_remedy(values, names, remedy):
+    (found,) = conflicts(values)
+    assert found.names == names
+    with pytest.raises(UsageError, match=rf"^{names[0]}=.* with {names[1]}=.*: .*{remedy}"):
+        Settings(**values)
+    assert not conflicts({})
+
+
+def test_an_unknown_name_is_told_the_nearest():
+    with pytest.raises(UsageError, match=r"unknown name 'oclusion', did you mean occlusion\?"):
+        Settings.from_mapping({"oclusion": 64})
+    with pytest.raises(UsageError, match=r"unknown name 'x', known here: method, paths, "):
+        Settings.from_mapping({"x": 64})
