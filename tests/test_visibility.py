@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from reference import render as twin
 
+from mbinterval.errors import SceneError
 from mbinterval.renderer import render
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.load import load
@@ -164,3 +165,28 @@ def test_keys_in_a_scene_file():
     }
     film = render(load(table), frame=5, width=WIDTH, height=HEIGHT)
     np.testing.assert_allclose(film.rgba[..., 3], 0.25, atol=1e-6)
+
+
+def test_positions_per_time_in_a_part_of_the_shutter_keep_their_corner():
+    """Three positions, out and back again: seen from 0.3 on, the corner at 0.5 is kept."""
+    there = np.array(SQUARE) / 9
+    mesh = Mesh(
+        np.stack([there, there + [2, 0, 0], there]),
+        FACES,
+        shading="unlit",
+        visible=stepped((0, 0), (0.3, 1)),
+    )
+    scene = Scene([mesh], CAMERA, shutter=Shutter(0.0, 1.0))
+    found = expose(scene, 0.0, WIDTH / HEIGHT, None, 1, 0.1, HEIGHT).meshes[0]
+    times = found.open + np.arange(found.segments + 1) / found.segments * (1.0 - found.open)
+    path = np.interp(np.linspace(0.3, 1.0, 999), times, found.positions[:, 0, 0])
+    true = there[0, 0] + 2 * (1 - np.abs(2 * np.linspace(0.3, 1.0, 999) - 1))
+    pixels = 0.5 / np.tan(np.radians(20)) * HEIGHT / 10
+    assert np.abs(path - true).max() * pixels <= 0.1
+    assert found.segments > 2
+
+
+@pytest.mark.parametrize("visible", [0.5, "no", keyed((0, 0), (1, 1)), stepped((0, (0, 1)))])
+def test_a_wrong_visibility_is_a_scene_error(visible):
+    with pytest.raises(SceneError, match="visible"):
+        square(visible=visible)

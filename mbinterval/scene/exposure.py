@@ -45,8 +45,9 @@ class Roll:
 class Exposure:
     """What happens while the shutter is open, at one frame.
 
-    ``cameras[K]`` holds the camera at K + 1 equally spaced times, for every K in use; ``camera`` is
-    the animated one that they are poses of. ``notes`` say what had to be assumed.
+    A mesh that is exposed in several stretches is in ``meshes`` once for each. ``cameras[K]`` holds
+    the camera at K + 1 equally spaced times, for every K in use over the whole shutter; ``camera``
+    is the animated one that they are poses of. ``notes`` say what had to be assumed.
     """
 
     frame: float

@@ -122,6 +122,8 @@ class Light:
             direction=direction,
             position=checks.vector(self.position, "light: position"),
         )
+        if self.transform is not None:
+            check_place(self.transform, "light: transform")
 
     def at(self, frame: float) -> Light:
         """Return the light in the world at ``frame``."""
@@ -159,6 +161,7 @@ class Mesh:
         False shows the mesh throughout the exposure as it is at the frame.
     shutter_scale
         Its own shutter is so many times as long, around the frame; 0 is ``motion_blur=False``.
+        Positions per time hold their first and last values beyond the scene's shutter.
     visible
         False leaves the mesh out; a stepped track of 0 and 1 lets it appear and vanish, at any
         time of the shutter.

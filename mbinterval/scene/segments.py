@@ -21,7 +21,7 @@ from mbinterval.scene.camera import Camera
 from mbinterval.scene.mesh_exposure import mesh_times, world_positions
 from mbinterval.scene.model import Mesh
 from mbinterval.scene.poses import CameraPoses, camera_poses
-from mbinterval.scene.shutter_times import Stretch, Window
+from mbinterval.scene.shutter_times import WHOLE, Stretch, Window
 
 Float64 = NDArray[np.float64]
 Places = NDArray[np.integer[Any]]
@@ -92,7 +92,8 @@ def choose_segments(mesh: Mesh, view: View, stretch: Stretch, motion_error: floa
     Positions per time keep their times: the number is a multiple of theirs.
     """
     given = max(mesh.times - 1, 1)
-    if not (view.moves or mesh.animated) and mesh.own_shutter in (0.0, 1.0):
+    straight = stretch == WHOLE or given == 1
+    if straight and not (view.moves or mesh.animated) and mesh.own_shutter in (0.0, 1.0):
         return Choice(given, "its positions per time" if mesh.times > 1 else "")
     path = _Path(mesh, view, stretch)
     limit = _SHARE * motion_error
@@ -118,8 +119,20 @@ class _Path:
 
     def __init__(self, mesh: Mesh, view: View, stretch: Stretch) -> None:
         self.mesh, self.view, self.stretch = mesh, view, stretch
-        self.which, self.corners, self.shares = _points(mesh)
+        self.size = np.array([view.aspect, 1.0]) * view.height
+        self.vertices = _some_vertices(mesh)
         self.known: dict[float, Float64] = {}
+        self.inner: tuple[Places, Float64] | None = None
+        if not self._in_sight():
+            self.inner = _inner_points(mesh, self.vertices)
+
+    def _in_sight(self) -> bool:
+        """Whether all vertices are seen, or nearly, whenever it is probed."""
+        points = self.at(PROBES)
+        if not (points[..., 2] > 0.0).all():
+            return False
+        places = points[..., :2] / points[..., 2:]
+        return bool(_near_frame(places, self.size).all())
 
     def at(self, parts: Float64) -> Float64:
         """``(T, n, 3)`` true places at ``parts`` (T,) of the stretch."""
@@ -128,12 +141,14 @@ class _Path:
             window = self.view.window
             times = self.stretch.inside(self.stretch.at(missing), window)
             own = mesh_times(self.mesh, window, times)
-            points = world_positions(self.mesh, window, own, self.which)
+            points = world_positions(self.mesh, window, own, self.vertices)
             pixels = self.view.pixels(points, times)
-            if self.corners is not None:
-                pixels = np.einsum("pc,tpcx->tpx", self.shares, pixels[:, self.corners])
             self.known |= dict(zip(map(float, missing), pixels, strict=True))
-        return np.array([self.known[float(part)] for part in parts])
+        found = np.array([self.known[float(part)] for part in parts])
+        if self.inner is None:
+            return found
+        corners, shares = self.inner
+        return np.asarray(np.einsum("pc,tpcx->tpx", shares, found[:, corners]))
 
     def error(self, segments: int) -> float:
         """Path error in pixels with so many segments."""
@@ -144,38 +159,45 @@ class _Path:
         share = (parts * segments - key)[:, None, None]
         places = self.at(ends)
         path = (1.0 - share) * places[key] + share * places[key + 1]
-        height = self.view.height
-        return _deviation(self.at(parts), path, (self.view.aspect * height, height))
+        return _deviation(self.at(parts), path, self.size)
 
 
-def _points(mesh: Mesh) -> tuple[Places, Places | None, Float64]:
-    """Vertices to look at; of a mesh of few faces also points ``(P, 3)`` spread over these.
-
-    Points are corners, places among the vertices, and their barycentric coordinates: a large face
-    may be seen in its middle only.
-    """
+def _some_vertices(mesh: Mesh) -> Places:
+    """Vertices of faces: all, or of very many some thousands with the outermost ones."""
     used = np.unique(mesh.faces)
+    if len(used) <= _POINTS:
+        return used
+    rest = mesh.positions[0] if mesh.positions.ndim == 3 else mesh.positions
+    ways = np.array(list(np.ndindex(3, 3, 3))) - 1.0
+    extremes = used[np.argmax(rest[used] @ ways.T, axis=0)]
+    spread = used[np.linspace(0, len(used) - 1, _POINTS).astype(int)]
+    return np.union1d(extremes, spread)
+
+
+def _inner_points(mesh: Mesh, vertices: Places) -> tuple[Places, Float64] | None:
+    """Points spread over the faces of a mesh that has few, since the middle of one may be seen.
+
+    Corners ``(P, 3)``, places among ``vertices``, and barycentric coordinates ``(P, 3)``.
+    """
     steps = 1
     while len(mesh.faces) * (steps + 2) * (steps + 3) // 2 <= _POINTS // 2:
         steps += 1
-    if steps > 1:
-        grid = [(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)]
-        corners = np.repeat(np.searchsorted(used, mesh.faces), len(grid), axis=0)
-        return used, corners, np.tile(np.array(grid) / steps, (len(mesh.faces), 1))
-    if len(used) > _POINTS:
-        rest = mesh.positions[0] if mesh.positions.ndim == 3 else mesh.positions
-        ways = np.array(list(np.ndindex(3, 3, 3))) - 1.0
-        along = rest[used] @ ways.T
-        extremes = used[np.argmax(along, axis=0)]
-        spread = used[np.linspace(0, len(used) - 1, _POINTS).astype(int)]
-        used = np.union1d(extremes, spread)
-    return used, None, np.ones((0, 3))
+    if steps == 1:
+        return None
+    grid = [(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)]
+    corners = np.repeat(np.searchsorted(vertices, mesh.faces), len(grid), axis=0)
+    return corners, np.tile(np.array(grid) / steps, (len(mesh.faces), 1))
 
 
-def _deviation(true: Float64, path: Float64, size: tuple[float, float]) -> float:
+def _near_frame(places: Float64, size: Float64) -> NDArray[np.bool_]:
+    """Which of ``places`` ``(..., 2)`` in pixels are in the frame or its surroundings."""
+    inside = (places > -_BORDER * size) & (places < (1.0 + _BORDER) * size)
+    return np.asarray(inside.all(axis=-1))
+
+
+def _deviation(true: Float64, path: Float64, size: Float64) -> float:
     """Greatest distance on screen in pixels between places in homogeneous pixels ``(..., 3)``."""
     ahead = (true[..., 2] > 0.0) & (path[..., 2] > 0.0)
     a, b = (points[ahead][:, :2] / points[ahead][:, 2:] for points in (true, path))
-    low, high = -_BORDER * np.array(size), (1.0 + _BORDER) * np.array(size)
-    seen = ((a > low) & (a < high)).all(axis=1) | ((b > low) & (b < high)).all(axis=1)
+    seen = _near_frame(a, size) | _near_frame(b, size)
     return float(np.linalg.norm(a[seen] - b[seen], axis=1).max(initial=0.0))
