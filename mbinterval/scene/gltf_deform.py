@@ -72,10 +72,11 @@ def read_skin(
                 f"{len(source.joints)} joints"
             )
     indices, weights = _influences(data, primitive, count, name)
-    if indices.size and indices.max() >= len(source.joints):
-        vertex = int(np.argmax((indices >= len(source.joints)).any(axis=1)))
+    wrong = np.argwhere((indices < 0) | (indices >= len(source.joints)))
+    if len(wrong):
+        vertex, column = wrong[0]
         raise SceneError(
-            f"skin {name!r}: vertex {vertex} follows joint {indices[vertex].max()} of "
+            f"skin {name!r}: vertex {vertex} follows joint {indices[vertex, column]} of "
             f"{len(source.joints)}; the file is damaged"
         )
     joints = NodeJoints(
