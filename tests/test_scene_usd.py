@@ -535,6 +535,12 @@ def spoil_influences(stage):
     mesh.GetPointsAttr().Clear()
 
 
+def spoil_order(stage):
+    mesh = quad(stage)
+    mesh.AddTranslateOp()
+    mesh.GetXformOpOrderAttr().Set(["xformOp:transalte"])
+
+
 def only_spheres(stage):
     UsdGeom.Sphere.Define(stage, "/ball")
 
@@ -547,6 +553,7 @@ def only_spheres(stage):
         (spoil_indices, "/quad: faceVertexIndices run from 0 to 9, but points from 0 to 3"),
         (spoil_primvar, "/quad: primvar 'displayColor' has 1 values, vertex asks for 4"),
         (spoil_influences, "/quad: faceVertexIndices run from 0 to 3, but points from 0 to -1"),
+        (spoil_order, "not a readable USD file"),
         (only_spheres, "holds no mesh, only Sphere"),
     ],
 )

@@ -69,7 +69,9 @@ def prim_place(prim: Any, clock: Clock, root: Placement | None) -> PrimPlace:
         step = step.GetParent()
     moving = [op for op in ops if op.ValueMightBeTimeVarying()]
     animated = bool(moving) or (root is not None and root.animated)
-    return PrimPlace(prim, clock, root, animated)
+    place = PrimPlace(prim, clock, root, animated)
+    place.at(0.0)  # broken xformOps are told of while the file is read
+    return place
 
 
 def columns(matrix: Any) -> Float64:
