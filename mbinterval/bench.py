@@ -69,11 +69,12 @@ def measure(
     and no figures. Times are in seconds, sizes in bytes, shares and ratios are fractions:
 
     ``median``, ``minimum``, ``spread`` (distance of the quartiles over the median), ``seconds`` of
-    each round, ``stages`` (medians by stage; ``host`` is the rest), ``ratio`` (to the first row),
-    ``tests`` and ``hits`` (exact paths), ``intervals`` (met per sample), ``moved`` (bytes, see
-    `mbinterval.device.meter.moved_bytes`), ``bandwidth`` (bytes moved per second over the
-    device's copy bandwidth), ``memory`` (most resident bytes of the process during a render),
-    ``rmse`` (over linear RGB, where there is a reference).
+    each round, ``processor`` (median of the process's processor seconds, all cores together, which
+    other load on the machine changes less), ``stages`` (medians by stage; ``host`` is the rest),
+    ``ratio`` (to the first row), ``tests`` and ``hits`` (exact paths), ``intervals`` (met per
+    sample), ``moved`` (bytes, see `mbinterval.device.meter.moved_bytes`), ``bandwidth`` (bytes
+    moved per second over the device's copy bandwidth), ``memory`` (most resident bytes of the
+    process during a render), ``rmse`` (over linear RGB, where there is a reference).
     """
     rows = tuple(rows)
     for row in rows:
@@ -118,6 +119,7 @@ class _Samples:
     film: Film
     moved: int
     seconds: list[float] = field(default_factory=list)
+    processor: list[float] = field(default_factory=list)
     stages: list[Mapping[str, float]] = field(default_factory=list)
     memory: int = 0
 
@@ -139,9 +141,10 @@ def _measure_rows(
     for _ in range(rounds):
         for of in samples.values():
             clear_peak_memory()
-            started = time.perf_counter()
+            started, busy = time.perf_counter(), time.process_time()
             of.film = _render(case, of.settings, meter)
             of.seconds.append(time.perf_counter() - started)
+            of.processor.append(time.process_time() - busy)
             of.stages.append(of.film.timings)
             of.memory = max(of.memory, peak_memory())
     for row, of in samples.items():
@@ -177,6 +180,7 @@ def _result(case: Case, of: _Samples, copied: float) -> dict[str, Any]:
         "minimum": min(of.seconds),
         "spread": _spread(of.seconds),
         "seconds": of.seconds,
+        "processor": statistics.median(of.processor),
         "stages": {**stages, "host": spent},
         "intervals": float(of.film.intervals.sum(dtype=np.int64)) / count,
         "moved": of.moved,

@@ -13,8 +13,8 @@ from mbinterval.errors import UsageError
 
 FORMAT = 1
 _COLUMNS = (
-    *("row", "settings", "median s", "least s", "spread", "ratio", "intervals per sample"),
-    *("tests", "hits", "moved MB", "of copy", "memory MB", "RMSE"),
+    *("row", "settings", "median s", "least s", "spread", "processor s", "ratio"),
+    *("intervals per sample", "tests", "hits", "moved MB", "of copy", "memory MB", "RMSE"),
 )
 
 
@@ -48,6 +48,7 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         f"{row['median']:.3f}",
         f"{row['minimum']:.3f}",
         f"{row['spread']:.0%}",
+        f"{row['processor']:.3f}",
         f"{row['ratio']:.2f}",
         f"{row['intervals']:.2f}",
         f"{tested:,}" if tested else "",

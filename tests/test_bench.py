@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import time
 
 import numpy as np
@@ -60,6 +61,7 @@ def test_every_row_has_times_that_belong_together(result):
         assert row["minimum"] == min(row["seconds"]) > 0
         assert row["median"] == sorted(row["seconds"])[1]
         assert row["ratio"] == pytest.approx(row["median"] / rows["exact 1"]["median"])
+        assert 0 < row["processor"] < 1.5 * max(row["seconds"]) * (os.cpu_count() or 1)
         assert row["stages"]["host"] > 0
         assert sum(row["stages"].values()) < 3 * max(row["seconds"])
     assert {"solve", "envelope"} <= rows["exact 1"]["stages"].keys()
