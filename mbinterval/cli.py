@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from mbinterval import __version__, commands
-from mbinterval.checks import nearest
+from mbinterval.checks import nearest, number
 from mbinterval.errors import CapacityError, MbintervalError, SceneError, UsageError
 from mbinterval.frames import parse_frames, parse_outputs
 from mbinterval.settings import Settings
@@ -127,22 +127,25 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mbinterval {__version__}")
     groups = parser.add_subparsers(required=True, metavar="COMMAND")
-    for name, (run, summary, takes_scene) in COMMANDS.items():
+    for name, (run, summary, takes) in COMMANDS.items():
         command = _command(groups, name, run, summary)
-        if takes_scene:
+        if takes == "SCENE":
             _add_scene_options(command)
         if name == "render":
             _add_output_options(command)
-        command.usage = f"mbinterval {name}{' SCENE' if takes_scene else ''} [options]"
+        if name == "bench":
+            _add_bench_options(command)
+        command.usage = f"mbinterval {name}{takes and ' '}{takes} [options]"
     return parser
 
 
 COMMANDS = {
-    "render": (commands.render, "render frames of a scene to EXR and PNG", True),
-    "info": (commands.info, "print what a render would do, and why", True),
-    "devices": (commands.devices, "list the OpenCL devices", False),
+    "render": (commands.render, "render frames of a scene to EXR and PNG", "SCENE"),
+    "info": (commands.info, "print what a render would do, and why", "SCENE"),
+    "bench": (commands.bench, "measure seconds, work and error of the methods", "[SCENE ...]"),
+    "devices": (commands.devices, "list the OpenCL devices", ""),
 }
-"""What each command runs, its summary, and whether it takes a scene."""
+"""What each command runs, its summary, and what it takes."""
 
 
 def _command(groups: Any, name: str, run: Any, summary: str) -> argparse.ArgumentParser:
@@ -201,11 +204,7 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
         metavar="X,Y,W,H",
         help="render only this part of the frame, in pixels from the upper left corner",
     )
-    frame.add_argument(
-        "--device",
-        metavar="NAME",
-        help="index or part of the name of an OpenCL device; see 'mbinterval devices'",
-    )
+    _add_device_option(frame)
     settings = command.add_argument_group("settings (the scene file gives defaults)")
     for setting in fields(Settings):
         option = f"--{setting.name.replace('_', '-')}"
@@ -228,6 +227,50 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         help="where to write, .exr or .png; #### or %%04d is the frame's number. May be given "
         "several times, or as a list with commas [SCENE.####.exr]",
     )
+
+
+def _add_device_option(group: Any) -> None:
+    group.add_argument(
+        "--device",
+        metavar="NAME",
+        help="index or part of the name of an OpenCL device; see 'mbinterval devices'",
+    )
+
+
+def _add_bench_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add(
+        "scenes",
+        nargs="*",
+        metavar="SCENE",
+        help="scene file, benchmark (.npz), or a generated scene with its count, such as "
+        "fast_cubes:2000 [five generated ones]",
+    )
+    add("--rows", metavar="NAMES", help="with commas between them; a wrong name lists all")
+    add("--rounds", type=_argument(_rounds), metavar="COUNT", help="renders of each row [7]")
+    add("--width", type=_argument(_pixels), metavar="PIXELS")
+    add("--height", type=_argument(_pixels), metavar="PIXELS")
+    add(
+        "--single-sided",
+        action="store_true",
+        help="cull the back faces of closed meshes, which are never seen from outside",
+    )
+    add(
+        "--reference",
+        action="append",
+        metavar="FILE",
+        help="what a scene should look like, for the RMSE: an EXR, or an npz with rgb; one for "
+        "each scene, in their order, - for none",
+    )
+    add("--json", metavar="FILE", help="write the result, which --baseline reads")
+    add("--baseline", metavar="FILE", help="compare with an earlier --json")
+    add(
+        "--tolerance",
+        type=_argument(_tolerance),
+        metavar="PART",
+        help="with --baseline, fail where a row's median is slower by more than this part [0.1]",
+    )
+    _add_device_option(command)
 
 
 def _argument(parse: Any) -> Any:
@@ -269,6 +312,16 @@ def _shutter_angle(text: str) -> tuple[float, float]:
             f"{text!r} is not degrees above 0, or these and centre, start or end, as in 180,start"
         ) from None
     return shutter.open, shutter.close
+
+
+def _rounds(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 10_000:
+        raise UsageError(f"{text!r} is not a whole number from 1 to 10000")
+    return int(text)
+
+
+def _tolerance(text: str) -> float:
+    return number(_value(text), "tolerance", low=0.0)
 
 
 def _crop(text: str) -> tuple[int, int, int, int]:

@@ -6,21 +6,25 @@ import argparse
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import mbinterval
-from mbinterval.errors import SceneError, UsageError
-from mbinterval.frames import frame_path, is_numbered, parse_frames, parse_outputs
+from mbinterval.atomic import prepare_output
+from mbinterval.errors import MbintervalError, SceneError, UsageError
+from mbinterval.frames import (
+    frame_path,
+    is_numbered,
+    parse_frames,
+    parse_outputs,
+    resolution,
+)
 from mbinterval.settings import SETTINGS, Settings, check_setting, conflicts
 
 _log = logging.getLogger(__name__)
-
-RESOLUTION = (1024, 768)
-"""Width and height where neither the command line nor the scene file gives them."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,47 @@ def _told_of(scene: str, frame: int) -> Iterator[None]:
         raise SceneError(f"{scene}: frame {frame}: {error}") from error
 
 
+def bench(arguments: argparse.Namespace) -> None:
+    """``mbinterval bench``: measure, print, and compare with a baseline."""
+    from mbinterval import bench as benchmark
+    from mbinterval.bench_cases import make_case
+    from mbinterval.bench_report import changes, comparison, read_result, table, write_result
+
+    if arguments.tolerance is not None and arguments.baseline is None:
+        raise UsageError("tolerance is for comparing with a baseline; give --baseline FILE")
+    before = read_result(arguments.baseline) if arguments.baseline else None
+    if arguments.json:
+        prepare_output(arguments.json)
+    names = arguments.scenes or benchmark.SCENES
+    references = arguments.reference or ["-"] * len(names)
+    if len(references) != len(names):
+        raise UsageError(
+            f"{len(references)} references for {len(names)} scenes; give one for each, - for none"
+        )
+    size = arguments.width, arguments.height
+    cases = [
+        make_case(name, None if file == "-" else file, *size, arguments.single_sided)
+        for name, file in zip(names, references, strict=True)
+    ]
+    rows: Iterable[str] = benchmark.ROWS
+    if arguments.rows is not None:
+        rows = [row.strip() for row in arguments.rows.split(",")]
+    result = benchmark.measure(cases, rows, arguments.rounds or benchmark.ROUNDS, arguments.device)
+    print(table(result))
+    if arguments.json:
+        write_result(arguments.json, result)
+    if before is None:
+        return
+    found = changes(result, before)
+    print(f"\n{comparison(found, result, before)}")
+    tolerance = 0.1 if arguments.tolerance is None else arguments.tolerance
+    slower = [f"{c.scene}, {c.row}: {c.ratio:.2f}" for c in found if c.ratio > 1.0 + tolerance]
+    if slower:
+        raise MbintervalError(
+            f"slower than {arguments.baseline} by more than {tolerance:.0%}: {'; '.join(slower)}"
+        )
+
+
 def devices(_arguments: argparse.Namespace) -> None:
     """``mbinterval devices``: one line for each device."""
     from mbinterval.device.choose import choose_device
@@ -125,7 +170,7 @@ def make_job(arguments: argparse.Namespace) -> Job:
     job = Job(
         scene=_scene(loaded.scene, arguments.shutter),
         frames=tuple(arguments.frames or parse_frames(stored.frames or "1")),
-        resolution=_resolution(arguments.width, arguments.height, stored.width, stored.height),
+        resolution=resolution(arguments.width, arguments.height, stored.width, stored.height),
         crop=arguments.crop,
         settings=_settings(arguments.scene, loaded.settings, overruled),
         outputs=_outputs(given.get("output"), stored.output, arguments.scene),
@@ -178,19 +223,6 @@ def _settings(scene: str, stored: Mapping[str, Any], overruled: Mapping[str, Any
         where = f" ({theirs[0]} is from {scene}; {options} overrules it)" if theirs else ""
         raise UsageError(f"{conflict.text}{where}")
     return Settings.from_mapping(joined)
-
-
-def _resolution(
-    width: int | None, height: int | None, stored_width: int | None, stored_height: int | None
-) -> tuple[int, int]:
-    """Width and height; where the command line gives only one, the other keeps the shape."""
-    base_width, base_height = stored_width or RESOLUTION[0], stored_height or RESOLUTION[1]
-    if width is None:
-        width = base_width if height is None else max(1, round(height * base_width / base_height))
-        height = base_height if height is None else height
-    elif height is None:
-        height = max(1, round(width * base_height / base_width))
-    return width, height
 
 
 def _outputs(given: Sequence[list[str]] | None, stored: str | None, scene: str) -> tuple[str, ...]:

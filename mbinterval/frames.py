@@ -1,4 +1,4 @@
-"""Frame ranges and numbered file names, as film people write them."""
+"""Frame ranges, numbered file names and sizes, as film people write them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from mbinterval.errors import UsageError
 
 ENDINGS = (".exr", ".png")
 """Endings of the files that a film can be written to."""
+
+RESOLUTION = (1024, 768)
+"""Width and height in pixels where nothing gives them."""
 
 MOST_FRAMES = 1_000_000
 """More frames than this in one range are taken for a mistake."""
@@ -95,6 +98,19 @@ def frame_path(pattern: str, frame: int) -> Path:
     else:
         return Path(pattern)
     return Path(f"{pattern[: place.start()]}{_padded(frame, width)}{pattern[place.end() :]}")
+
+
+def resolution(
+    width: int | None, height: int | None, stored_width: int | None, stored_height: int | None
+) -> tuple[int, int]:
+    """Width and height in pixels; where only one is given, the other keeps the stored shape."""
+    base_width, base_height = stored_width or RESOLUTION[0], stored_height or RESOLUTION[1]
+    if width is None:
+        width = base_width if height is None else max(1, round(height * base_width / base_height))
+        height = base_height if height is None else height
+    elif height is None:
+        height = max(1, round(width * base_height / base_width))
+    return width, height
 
 
 def _padded(frame: int, width: int) -> str:

@@ -220,11 +220,11 @@ def test_kernels_build_without_a_warning(name, way, caplog):
     for file in ("analytic/tile.cl", *others):
         program = device._build(f'#include "{file}"\n', file, (*options, fresh))
         log = program.get_build_info(device.device, cl.program_build_info.LOG)
-        assert log.strip() == ""
+        assert "warning" not in log.lower()
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
 
 
 def test_a_warning_of_the_compiler_is_logged(caplog):
-    source = f"kernel void f(global int *p) {{ p = {os.getpid()}; }}"
+    source = f"#warning {os.getpid()}\nkernel void f(global int *p) {{ p[0] = 1; }}"
     runtime()._build(source, "warned.cl", ())
     assert "warned.cl" in caplog.text

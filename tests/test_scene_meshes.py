@@ -1,4 +1,4 @@
-"""Mesh files through trimesh, simple shapes, benchmark files, generated cubes."""
+"""Mesh files through trimesh, simple shapes, benchmark files, generated scenes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.generators import fast_cubes, ho17_cubes
+from mbinterval.scene.generators import GENERATORS, blades, dense_sphere, fast_cubes, ho17_cubes
 from mbinterval.scene.load import load, load_file
 from mbinterval.scene.primitives import PRIMITIVES, box, cylinder, plane, sphere
 
@@ -297,3 +297,61 @@ def test_ho17_cubes_have_the_interval_count_of_the_paper():
     """Figure 15: 1.67 intervals per pixel with 1,000 cubes; point sampling in time finds most."""
     assert mean_intervals(ho17_cubes(1000, 1), 96, 72) == pytest.approx(1.67, rel=0.08)
     assert mean_intervals(ho17_cubes(500, 1), 96, 72) < 1.0
+
+
+def test_generated_blades_are_thin_and_turn_with_their_wheel():
+    first, again, other = blades(48, seed=3), blades(48, seed=3), blades(48, seed=4)
+    mesh = first.meshes[0]
+    assert mesh.faces.shape == (1152, 3)
+    np.testing.assert_array_equal(mesh.color, again.meshes[0].color)
+    assert (mesh.color != other.meshes[0].color).any()
+    start, end = (positions[mesh.faces] for positions in mesh.positions)
+    sides = np.linalg.norm(start - np.roll(start, 1, axis=1), axis=2)
+    assert sides.min() == pytest.approx(0.04, rel=0.01)
+    assert np.median(sides.max(axis=1) / sides.min(axis=1)) > 4
+    np.testing.assert_allclose(
+        np.linalg.norm(end - np.roll(end, 1, axis=1), axis=2), sides, rtol=1e-9
+    )  # rigid
+    reach = np.hypot(*np.moveaxis(start[..., :2], -1, 0))
+    assert (reach.min(), reach.max()) == pytest.approx((1.0, 5.2), abs=0.01)
+    turn = np.angle(np.exp(1j * (0.25 + np.arctan2(start[..., 1], start[..., 0]))))
+    moved = end - [0.28, 0, 0]
+    apart = np.angle(np.exp(1j * (np.arctan2(moved[..., 1], moved[..., 0]) - turn)))
+    assert np.abs(apart).max() < 0.02  # the tilt is small
+
+
+def test_the_generated_sphere_is_closed_and_every_vertex_moves_alike():
+    mesh = dense_sphere(2).meshes[0]
+    assert mesh.faces.shape == (20 * 4**2, 3)
+    start, end = mesh.positions
+    np.testing.assert_allclose(np.linalg.norm(start + [2, 0, 0], axis=1), 4.0)
+    np.testing.assert_allclose(end - start, np.tile([4.0, 1.0, 1.0], (len(start), 1)))
+    slow = dense_sphere(2, travel=0.25).meshes[0].positions
+    np.testing.assert_allclose(slow[1] - slow[0], (end - start) / 4)
+    edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).tolist()
+    assert len(set(map(tuple, edges))) == len(edges)
+    assert {(b, a) for a, b in edges} == set(map(tuple, edges))
+    volume = np.linalg.det(start[mesh.faces] + [2, 0, 0]).sum() / 6
+    assert 0.9 < volume / (4 / 3 * np.pi * 4**3) < 1.0
+    with pytest.raises(SceneError, match="count=10, expected a number from 1 to 9"):
+        dense_sphere(10)
+
+
+def test_a_sphere_of_81920_triangles_moves_270_pixels():
+    mesh = dense_sphere().meshes[0]
+    assert len(mesh.faces) == 81920
+    w = 16.0 - mesh.positions[..., 2]
+    x, y = (mesh.positions[..., axis] / w for axis in (0, 1))
+    pixels = 768 / 2 / np.tan(np.radians(20))
+    moved = np.hypot(x[1] - x[0], y[1] - y[0]) * pixels
+    assert np.median(moved) == pytest.approx(277, rel=0.03)
+
+
+@pytest.mark.parametrize("name", GENERATORS)
+def test_every_generator_can_be_named_in_a_scene_file(name):
+    scene = load({"generator": {"name": name, "count": 2, "seed": 5}})
+    want = GENERATORS[name](2, 5)
+    np.testing.assert_array_equal(scene.meshes[0].positions, want.meshes[0].positions)
+    np.testing.assert_array_equal(scene.meshes[0].color, want.meshes[0].color)
+    with pytest.raises(SceneError, match="count"):
+        GENERATORS[name](0)

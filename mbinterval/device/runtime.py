@@ -87,9 +87,11 @@ class Runtime:
                 f"kernel file {file} does not build for device {self.device.name.strip()!r} "
                 f"with {' '.join(options)}:\n{error}"
             ) from None
-        for warning in caught:
+        if caught:
             log = program.get_build_info(self.device, cl.program_build_info.LOG).strip()
-            _log.warning("kernel file %s: %s\n%s", file, warning.message, log)
+            # Some compilers tell of every step that went well.
+            level = logging.WARNING if "warning:" in log.lower() else logging.DEBUG
+            _log.log(level, "kernel file %s: %s\n%s", file, caught[0].message, log)
         return program
 
     def _probe_cycle_counter(self) -> bool:

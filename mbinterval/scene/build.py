@@ -119,7 +119,7 @@ def _background(table: SceneTable, scene: Scene) -> Any:
 def _generated(table: GeneratorTable | None) -> Scene:
     if table is None:
         return Scene(meshes=())
-    make = getattr(generators, table.name)
+    make: Any = generators.GENERATORS[table.name]
     scene: Scene = make(**table.model_dump(exclude={"name"}, exclude_none=True))
     return scene
 

@@ -289,7 +289,7 @@ class ObjectTable(Table):
 class GeneratorTable(Table):
     """A generated scene; see `mbinterval.scene.generators`."""
 
-    name: Literal["ho17_cubes", "fast_cubes"]
+    name: Literal["ho17_cubes", "fast_cubes", "blades", "dense_sphere"]
     count: Count | None = None
     seed: Annotated[int, Field(ge=0, le=2**32 - 1)] | None = None
 

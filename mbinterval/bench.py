@@ -1,0 +1,240 @@
+"""Benchmarks: named settings on scenes, in rounds that interleave them, as a table and as JSON.
+
+Seconds are wall clock from the scene in host memory to the film in host memory, with kernels
+built. Each round renders every row once, so that what else the machine does falls on all rows
+alike: ratios within one run say more than seconds do.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import os
+import platform
+import re
+import statistics
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import mbinterval
+from mbinterval.bench_cases import Case
+from mbinterval.checks import nearest
+from mbinterval.device.choose import choose_device
+from mbinterval.device.meter import (
+    MeteredRuntime,
+    clear_peak_memory,
+    copy_bandwidth,
+    moved_bytes,
+    peak_memory,
+)
+from mbinterval.errors import UsageError
+from mbinterval.film import Film
+from mbinterval.settings import Settings
+
+_log = logging.getLogger(__name__)
+
+ROUNDS = 7
+SCENES = ("ho17_cubes", "fast_cubes:1000", "fast_cubes:2000", "blades", "dense_sphere")
+"""Generated scenes that are measured where none is named."""
+
+_EXACT = {"method": "analytic", "paths": "exact", "occlusion": "exact", "filter": "box"}
+ROWS: dict[str, dict[str, Any]] = {
+    "exact 1": {**_EXACT, "samples": 1},
+    "five-point 1": {**_EXACT, "samples": 1, "filter": "five_point"},
+    "exact 2": {**_EXACT, "samples": 2},
+    "exact 4": {**_EXACT, "samples": 4},
+    "hong-oh": {**_EXACT, "paths": "triangulated", "occlusion": 128, "samples": 1},
+}
+"""Settings of each row of the table by its name; a scene file's other settings stay."""
+
+_OWN = ("pairing", "partial_bits", "max_intervals", "pattern", "filter_radius")
+"""Settings of a scene file that give way to the rows', beside those that rows name."""
+
+
+def measure(
+    cases: Sequence[Case],
+    rows: Iterable[str] = ROWS,
+    rounds: int = ROUNDS,
+    device: Any = None,
+) -> dict[str, Any]:
+    """Measure ``rows`` (names in ``ROWS``) on ``cases``; the result can be stored as JSON.
+
+    A row that a scene does not allow, such as triangulated paths with a lens, has an ``error``
+    and no figures. Times are in seconds, sizes in bytes, shares and ratios are fractions:
+
+    ``median``, ``minimum``, ``spread`` (distance of the quartiles over the median), ``seconds`` of
+    each round, ``processor`` (median of the process's processor seconds, all cores together, which
+    other load on the machine changes less), ``stages`` (medians by stage; ``host`` is the rest),
+    ``ratio`` (to the first row), ``tests`` and ``hits`` (exact paths), ``intervals`` (met per
+    sample), ``moved`` (bytes, see `mbinterval.device.meter.moved_bytes`), ``bandwidth`` (bytes
+    moved per second over the device's copy bandwidth), ``memory`` (most resident bytes of the
+    process during a render), ``rmse`` (over linear RGB, where there is a reference).
+    """
+    rows = tuple(rows)
+    for row in rows:
+        if row not in ROWS:
+            raise UsageError(f"row {row!r}: unknown, {nearest(row, ROWS)}")
+    meter = MeteredRuntime(choose_device(device))
+    copied = copy_bandwidth(meter)
+    load = os.getloadavg()[0]
+    measured = []
+    for case in cases:
+        _log.info("%s: %d rows, %d rounds", case.name, len(rows), rounds)
+        measured.append(
+            {
+                "name": case.name,
+                "width": case.width,
+                "height": case.height,
+                "triangles": sum(len(mesh.faces) for mesh in case.scene.meshes),
+                "rows": _measure_rows(case, rows, rounds, meter, copied),
+            }
+        )
+    return {
+        "format": 1,
+        "versions": _versions(meter.device),
+        "machine": _machine(),
+        "device": {
+            "name": meter.device.name.strip(),
+            "platform": meter.device.platform.name.strip(),
+            "compute_units": meter.device.max_compute_units,
+            "copy_bandwidth": copied,
+        },
+        "load": load,
+        "rounds": rounds,
+        "scenes": measured,
+    }
+
+
+@dataclass(eq=False)
+class _Samples:
+    """What the rounds of one row gave so far."""
+
+    settings: Settings
+    film: Film
+    moved: int
+    seconds: list[float] = field(default_factory=list)
+    processor: list[float] = field(default_factory=list)
+    stages: list[Mapping[str, float]] = field(default_factory=list)
+    memory: int = 0
+
+
+def _measure_rows(
+    case: Case, rows: Sequence[str], rounds: int, meter: MeteredRuntime, copied: float
+) -> list[dict[str, Any]]:
+    samples: dict[str, _Samples] = {}
+    results: dict[str, dict[str, Any]] = {}
+    for row in rows:  # builds the kernels
+        try:
+            settings = _settings_of(case, row)
+            meter.clear()
+            film = _render(case, settings, meter)
+        except UsageError as error:
+            results[row] = {"name": row, "error": str(error)}
+            continue
+        samples[row] = _Samples(settings, film, moved_bytes(meter, film, settings))
+    for _ in range(rounds):
+        for of in samples.values():
+            clear_peak_memory()
+            started, busy = time.perf_counter(), time.process_time()
+            of.film = _render(case, of.settings, meter)
+            of.seconds.append(time.perf_counter() - started)
+            of.processor.append(time.process_time() - busy)
+            of.stages.append(of.film.timings)
+            of.memory = max(of.memory, peak_memory())
+    for row, of in samples.items():
+        results[row] = {"name": row, **_result(case, of, copied)}
+    first = next((results[row]["median"] for row in rows if row in samples), 1.0)
+    for row in samples:
+        results[row]["ratio"] = results[row]["median"] / first
+    return [results[row] for row in rows]
+
+
+def _render(case: Case, settings: Settings, meter: MeteredRuntime) -> Film:
+    return mbinterval.render(
+        case.scene,
+        frame=case.frame,
+        width=case.width,
+        height=case.height,
+        settings=settings,
+        device=meter,
+    )
+
+
+def _result(case: Case, of: _Samples, copied: float) -> dict[str, Any]:
+    median = statistics.median(of.seconds)
+    names = of.stages[-1].keys()
+    stages = {name: statistics.median(s[name] for s in of.stages) for name in names}
+    spent = statistics.median(
+        seconds - sum(s.values()) for seconds, s in zip(of.seconds, of.stages, strict=True)
+    )
+    count = of.film.intervals.size * of.settings.samples
+    result = {
+        "settings": settings_text(of.settings),
+        "median": median,
+        "minimum": min(of.seconds),
+        "spread": _spread(of.seconds),
+        "seconds": of.seconds,
+        "processor": statistics.median(of.processor),
+        "stages": {**stages, "host": spent},
+        "intervals": float(of.film.intervals.sum(dtype=np.int64)) / count,
+        "moved": of.moved,
+        "bandwidth": of.moved / median / copied,
+        "memory": of.memory,
+        **of.film.stats,
+    }
+    if case.reference is not None:
+        difference = of.film.rgba[..., :3].astype(np.float64) - case.reference
+        result["rmse"] = float(np.sqrt(np.mean(difference**2)))
+    return result
+
+
+def settings_text(settings: Settings) -> str:
+    """Settings as ``Settings(...)`` takes them: samples, and what differs from the defaults."""
+    values = {"samples": settings.samples}
+    for item in dataclasses.fields(Settings):
+        value = getattr(settings, item.name)
+        if value != item.default:
+            values[item.name] = value
+    return ", ".join(f"{name}={value!r}".replace("'", '"') for name, value in values.items())
+
+
+def _settings_of(case: Case, row: str) -> Settings:
+    kept = {name: value for name, value in case.settings.items() if name not in _OWN}
+    return Settings.from_mapping({**kept, **ROWS[row]})
+
+
+def _spread(seconds: Sequence[float]) -> float:
+    if len(seconds) < 2:
+        return 0.0
+    low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive")
+    return (high - low) / middle
+
+
+def _versions(device: Any) -> dict[str, str]:
+    packages = ("numpy", "pyopencl")
+    return {
+        "mbinterval": mbinterval.__version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in packages},
+        "opencl": device.platform.version.strip(),
+        "driver": device.driver_version.strip(),
+    }
+
+
+def _machine() -> dict[str, Any]:
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        text = ""
+    named = re.search(r"^model name\s*: (.*)$", text, re.MULTILINE)
+    return {
+        "processor": named[1] if named else platform.processor() or platform.machine(),
+        "cores": len(os.sched_getaffinity(0)),
+        "system": platform.platform(),
+    }

@@ -1,0 +1,120 @@
+"""A device that notes what a render allocates, and estimates of the bytes that it moves."""
+
+from __future__ import annotations
+
+import resource
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.device import records
+from mbinterval.device.runtime import Runtime, seconds
+from mbinterval.film import Film
+from mbinterval.settings import Settings
+
+MEMBERS = "paths by tile"
+"""Name of the buffer of path indices that tiles list, four bytes each."""
+
+_COPY_BYTES = 1 << 27
+_VECTOR_BYTES = 64
+_MADE = ("vertices", "shapes", "depths", MEMBERS)
+_LISTED = records.PATH.itemsize + records.SHAPE.itemsize + 6 * records.VERTEX.itemsize
+_FILM_BYTES = 24
+
+
+class MeteredRuntime(Runtime):
+    """A ``Runtime`` that notes the bytes of every named buffer; `clear` before each render."""
+
+    def __init__(self, device: Any) -> None:
+        super().__init__(device)
+        self.uploaded: dict[str, int] = {}
+        self.allocated: dict[str, int] = {}
+
+    def clear(self) -> None:
+        """Forget the buffers so far."""
+        self.uploaded.clear()
+        self.allocated.clear()
+
+    def upload(self, array: NDArray[Any], what: str = "") -> Any:
+        """Upload as `Runtime.upload` does, and note the bytes."""
+        self.uploaded[what] = max(self.uploaded.get(what, 0), array.nbytes)
+        return super().upload(array, what)
+
+    def allocate(self, nbytes: int, what: str = "") -> Any:
+        """Allocate as `Runtime.allocate` does, and note the bytes."""
+        self.allocated[what] = max(self.allocated.get(what, 0), nbytes)
+        return super().allocate(nbytes, what)
+
+
+def moved_bytes(meter: MeteredRuntime, film: Film, settings: Settings) -> int:
+    """Bytes that the render of ``film`` read and wrote, estimated from below.
+
+    Counted are: what was uploaded, read once; vertices, shapes and depths of paths and the tiles'
+    lists of paths, written once and read once; the records of a path (path, shape, six vertices,
+    and with exact paths the depth), read once for each tile that lists it; the records of an
+    interval, written once and read once, for each interval met (``film.intervals``); and the film,
+    written once and read once. Records of an interval are a visit, a front and a span with exact
+    paths, without the front under a mask; two fragments, an interval before and one after sorting,
+    and a span with triangulated ones.
+
+    Not counted are further readings, for example of depths when intervals are compared, textures
+    beyond the first reading of each texel, and lists written again because they had no room. A
+    tile's lists mostly stay in cache, so that a share of the copy bandwidth above 1 is possible.
+    """
+    members = meter.allocated.get(MEMBERS, 0) // records.RUN["start"].itemsize
+    exact = settings.paths == "exact"
+    path = _LISTED + (records.DEPTH.itemsize if exact else 0)
+    made = sum(meter.allocated.get(name, 0) for name in _MADE)
+    lists = int(film.intervals.sum(dtype=np.int64)) * _interval_bytes(settings)
+    film_bytes = _FILM_BYTES * film.intervals.size
+    return sum(meter.uploaded.values()) + 2 * (made + lists + film_bytes) + members * path
+
+
+def _interval_bytes(settings: Settings) -> int:
+    """Bytes of the records that one interval leaves behind on its way to the film."""
+    if settings.paths == "triangulated":
+        kinds = [records.FRAGMENT] * 2 + [records.INTERVAL] * 2 + [records.SPAN]
+    elif settings.occlusion == "exact":
+        kinds = [records.VISIT, records.FRONT, records.SPAN]
+    else:
+        kinds = [records.VISIT, records.SPAN]
+    return sum(kind.itemsize for kind in kinds)
+
+
+def copy_bandwidth(runtime: Runtime, rounds: int = 5) -> float:
+    """Bytes per second, read and written, of a copy of 128 MiB on the device; best of ``rounds``.
+
+    All work-items that a render would have copy at once.
+    """
+    share = _COPY_BYTES // _VECTOR_BYTES // runtime.workers
+    size = share * runtime.workers * _VECTOR_BYTES
+    source, target = runtime.allocate(size, "copied"), runtime.allocate(size, "copy")
+    for buffer in (source, target):
+        runtime.fill(buffer, size)
+    kernel = runtime.kernel("shared/copy.cl", "copy")
+    took = [
+        seconds(runtime.run(kernel, runtime.workers, source, target, np.uint64(share)))
+        for _ in range(rounds)
+    ]
+    return float(2 * size / min(took))
+
+
+def clear_peak_memory() -> None:
+    """Let `peak_memory` start anew, where the system can do that (Linux)."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    except OSError:
+        return
+
+
+def peak_memory() -> int:
+    """Most resident bytes of this process since `clear_peak_memory`, or else since its start."""
+    try:
+        for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
