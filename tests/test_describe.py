@@ -105,7 +105,8 @@ def test_reasons_hold_where_nothing_moves():
 def test_meshes_without_a_name_are_named_by_their_place_in_the_scene_and_a_crowd_is_cut():
     text = described(mesh(), mesh(visible=False), mesh(False), mesh(name="slab"))
     assert "3 meshes, 1 more without faces or not visible" in text
-    assert "  mesh 0: 2 faces, 1 motion segment\n  mesh 2: 2 faces, static\n  slab: 2" in text
+    assert "  mesh 0: 2 faces, 1 motion segment: its positions" in text
+    assert "  mesh 2: 2 faces, static\n  slab: 2" in text
     crowd = described(*[mesh() for _ in range(30)])
     assert "30 meshes" in crowd
     assert "  and 22 more" in crowd

@@ -18,14 +18,15 @@ MEGABYTE = 10**6
 LIMIT = 1500 * MEGABYTE
 
 RENDER = """
-import resource, sys
+import sys
 import mbinterval as mb
+from mbinterval.device.meter import peak_memory
 from mbinterval.scene.generators import ho17_cubes
 from test_capacity import stack
 width, height, samples, planes = map(int, sys.argv[1:])
 scene = stack(planes)[0] if planes else ho17_cubes(100)
 film = mb.render(scene, width=width, height=height, settings=mb.Settings(samples=samples))
-print(film.intervals.sum(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+print(film.intervals.sum(), peak_memory())
 """
 
 

@@ -68,7 +68,12 @@ def test_its_tables_of_stages_are_what_renders_time():
     camera = mbinterval.Camera(position=(0, 0, 5), look_at=(0, 0, 0))
     scene = mbinterval.Scene(meshes=meshes, camera=camera)
     timed = set()
-    ways = ({"pattern": "sobol"}, {"occlusion": 32}, {"paths": "triangulated", "occlusion": 32})
+    ways = (
+        {"pattern": "sobol"},
+        {"occlusion": 32},
+        {"paths": "triangulated", "occlusion": 32},
+        {"samples": 1, "filter": "five_point"},
+    )
     for values in ways:
         settings = mbinterval.Settings(**values)
         timed |= set(mbinterval.render(scene, width=16, height=16, settings=settings).timings)

@@ -11,6 +11,9 @@ from pathlib import Path
 from mbinterval.errors import SceneError
 from mbinterval.scene.model import Camera, Light, Mesh, Shutter
 
+GLTF_SUFFIXES = (".glb", ".gltf")
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+
 
 @dataclass(frozen=True, eq=False)
 class Asset:

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from mbinterval.errors import SceneError
 from mbinterval.images import read_image
 from mbinterval.scene import generators
-from mbinterval.scene.asset import Asset
+from mbinterval.scene.asset import GLTF_SUFFIXES, USD_SUFFIXES, Asset
 from mbinterval.scene.gltf import read_gltf
-from mbinterval.scene.load import GLTF_SUFFIXES, USD_SUFFIXES
 from mbinterval.scene.meshes import read_mesh_file
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 from mbinterval.scene.primitives import PRIMITIVES

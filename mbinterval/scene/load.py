@@ -9,10 +9,8 @@ from typing import Any
 
 from mbinterval.checks import number, shown
 from mbinterval.errors import SceneError, UsageError
+from mbinterval.scene.asset import GLTF_SUFFIXES, USD_SUFFIXES
 from mbinterval.scene.model import Scene
-
-GLTF_SUFFIXES = (".glb", ".gltf")
-USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 
 @dataclass(frozen=True)

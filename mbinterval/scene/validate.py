@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from mbinterval.checks import nearest, shown
 from mbinterval.errors import SceneError, UsageError
-from mbinterval.scene.load import GLTF_SUFFIXES, USD_SUFFIXES
+from mbinterval.scene.asset import GLTF_SUFFIXES, USD_SUFFIXES
 from mbinterval.scene.schema import SceneTable, Table
 from mbinterval.settings import SETTINGS, check_setting
 from mbinterval.settings import conflicts as settings_conflicts
