@@ -19,6 +19,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Camera",
     "CapacityError",
+    "Comparison",
     "DeviceError",
     "Film",
     "KernelBuildError",
@@ -36,6 +37,7 @@ __all__ = [
     "Transform",
     "UsageError",
     "__version__",
+    "compare",
     "devices",
     "errors",
     "load",
@@ -58,8 +60,10 @@ _HOMES = {
     **dict.fromkeys(("Camera", "Light", "Material", "Mesh", "Scene"), "scene.model"),
     **dict.fromkeys(("Shutter", "Texture"), "scene.model"),
     **dict.fromkeys(("Track", "Transform"), "scene.tracks"),
+    "Comparison": "comparison",
     "Film": "film",
     "Settings": "settings",
+    "compare": "comparison",
     "devices": "device.choose",
     "load": "scene.load",
     "load_file": "scene.load",
@@ -70,6 +74,7 @@ _HOMES = {
 
 if TYPE_CHECKING:
     from mbinterval import errors
+    from mbinterval.comparison import Comparison, compare
     from mbinterval.device.choose import devices
     from mbinterval.errors import (
         CapacityError,

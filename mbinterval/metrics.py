@@ -66,7 +66,7 @@ def psnr(image: Array, reference: Array) -> float:
 def rms_map(image: Array, reference: Array) -> NDArray[np.float32]:
     """``(H, W)``: root mean square of the channels' differences at each pixel."""
     mean = np.mean(_difference(image, reference) ** 2, axis=2)
-    return np.sqrt(mean).astype(np.float32)
+    return np.asarray(np.sqrt(mean), np.float32)
 
 
 def ssim(image: Array, reference: Array) -> float:
@@ -89,7 +89,7 @@ def ssim_map(image: Array, reference: Array) -> NDArray[np.float32]:
     covariance = _blurred(x * y) - mean_x * mean_y
     above = (2.0 * mean_x * mean_y + _C1) * (2.0 * covariance + _C2)
     below = (mean_x**2 + mean_y**2 + _C1) * (var_x + var_y + _C2)
-    return np.mean(above / below, axis=2).astype(np.float32)
+    return np.asarray(np.mean(above / below, axis=2), np.float32)
 
 
 def flip(image: Array, reference: Array) -> float:

@@ -1,4 +1,4 @@
-"""Is the difference of two images explained by sampling noise?
+"""Statistical verdicts: whether the difference of two images is explained by sampling noise.
 
 Either side is one image, taken as free of noise, or independent repeats of one: the same render
 with other seeds. The null hypothesis is that both have the same expectation in every pixel and
@@ -13,12 +13,18 @@ probability below exp(-p N), so one that is missed in any of m tests with a prob
 a adds up to ln(m / a) / N of the contrast, and no variance tells of it. What is above both is
 tested by Student's t (Welch 1947, with the fewer degrees of freedom of both sides).
 
+A small difference all over the image, of either sign, shows in none of these: it is tested by the
+sum of squares of the differences of means over the trace of their covariance, which has nearly
+Fisher's distribution, with the degrees of freedom that the traces of the covariance and of its
+square give (Brunner, Dette & Munk 1997, as Box 1954 has it; the traces after Bai & Saranadasa
+1996). They fall where noise is tied between pixels.
+
 The level, the probability that equal images are called different, is shared out equally to the
-sizes of tile, and half of each share goes to the allowance. The p-values of one size, over tiles
-and channels, are corrected after Holm 1979: the verdict is about whether *any* pixel differs, which
-is the family-wise error; Holm's holds it whatever the dependence of neighbouring pixels and
-channels, and rejects all that Bonferroni's would. Benjamini and Hochberg's rule bounds another
-thing, the part of the listed pixels that is listed wrongly.
+sizes of tile and the sum of squares, and half of a size's share goes to the allowance. The p-values
+of one size, over tiles and channels, are corrected after Holm 1979: the verdict is about whether
+*any* pixel differs, which is the family-wise error; Holm's holds it whatever the dependence of
+neighbouring pixels and channels, and rejects all that Bonferroni's would. Benjamini and Hochberg's
+rule bounds another thing, the part of the listed pixels that is listed wrongly.
 """
 
 from __future__ import annotations
@@ -30,6 +36,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mbinterval.distributions import fisher_above, holm, student_quantile, student_two_sided
 
 Float64 = NDArray[np.float64]
 
@@ -91,6 +99,8 @@ class Verdict:
     p_value
         Corrected for pixels, channels and sizes; the difference is not noise where it is at most
         ``level``.
+    overall
+        The p-value, corrected, of the sum of squares over the image.
     pixels
         ``(H, W)`` bool: single pixels that say no.
     regions
@@ -104,6 +114,7 @@ class Verdict:
 
     level: float
     p_value: float
+    overall: float
     pixels: NDArray[np.bool_]
     regions: tuple[Region, ...]
     detectable: Mapping[int, float]
@@ -119,12 +130,15 @@ class Verdict:
         power = f"at level {self.level:g} it would show, nine times of ten, {power}"
         if self.explained:
             return f"explained by sampling noise (p = {self.p_value:.2g}); {power}"
-        counts = {size: 0 for size in self.detectable}
+        counts = dict.fromkeys(self.detectable, 0)
         counts[1] = int(self.pixels.sum())
         for region in self.regions:
             counts[region.size] += 1
-        found = ", ".join(f"{n} x {self._area(size)}" for size, n in counts.items() if n)
-        return f"not explained by sampling noise (p = {self.p_value:.2g}): {found} say no; {power}"
+        found = [f"{n} x {self._area(size)}" for size, n in counts.items() if n]
+        if self.overall <= self.level:
+            found.append("the sum of squares")
+        by = f"(p = {self.p_value:.2g}): {', '.join(found)} say no"
+        return f"not explained by sampling noise {by}; {power}"
 
     def _area(self, size: int) -> str:
         if size >= max(self.pixels.shape):
@@ -158,16 +172,19 @@ def judge(
     sizes = [*(size for size in _TILES if size < largest), largest]
     contrast = _contrast(image, reference)
     degrees = min(len(side.images) for side in sides) - 1
+    share = len(sizes) + 1
     tests = [
-        _test(image, reference, size, contrast, degrees, level / len(sizes) / 2, tolerance)
+        _test(image, reference, size, contrast, degrees, level / share / 2, tolerance)
         for size in sizes
     ]
-    # Twice, for the half of the level that the allowance has.
-    p_value = min(1.0, min(2.0 * len(sizes) * float(test.adjusted.min()) for test in tests))
+    overall = min(1.0, share * _sum_of_squares(image, reference, tolerance))
+    # Twice, for the half of its share that a size leaves to the allowance.
+    p_value = min(overall, *(2.0 * share * float(test.adjusted.min()) for test in tests))
     return Verdict(
         level=level,
         p_value=p_value,
-        pixels=tests[0].rejected.any(axis=2),
+        overall=overall,
+        pixels=np.asarray(tests[0].rejected.any(axis=2)),
         regions=tuple(region for test in tests if test.size > 1 for region in test.regions()),
         detectable={test.size: test.detectable for test in tests},
         degrees=degrees,
@@ -213,7 +230,7 @@ def _test(
         t = np.where(beyond > 0.0, beyond / error, 0.0)
     p_values = student_two_sided(t, degrees)
     adjusted = holm(p_values.ravel()).reshape(p_values.shape)
-    quantile = _student_quantile(level / difference.size, degrees)
+    quantile = student_quantile(level / difference.size, degrees)
     # A noncentral t, as a normal distribution (Johnson & Welch 1940).
     needed = quantile + _POWER_QUANTILE * math.sqrt(1.0 + quantile**2 / (2.0 * degrees))
     detectable = float(np.median(rare + tolerance + needed * error))
@@ -260,37 +277,44 @@ def _contrast(image: Repeats, reference: Repeats) -> Float64:
     return np.asarray(high, np.float64) - np.asarray(low, np.float64)
 
 
-def holm(p_values: Float64) -> Float64:
-    """P-values ``(n,)`` corrected for their number (Holm 1979): reject where at most the level."""
-    order = np.argsort(p_values, kind="stable")
-    scaled = p_values[order] * np.arange(len(p_values), 0, -1)
-    adjusted = np.empty_like(p_values)
-    adjusted[order] = np.minimum(np.maximum.accumulate(scaled), 1.0)
-    return adjusted
+def _sum_of_squares(image: Repeats, reference: Repeats, tolerance: float) -> float:
+    """P-value of the squared differences of means, summed over pixels and channels."""
+    means, covariances = [], []
+    for side in (image, reference):
+        total = sum(np.asarray(values, np.float64) for values in side.images)
+        means.append(np.asarray(total).ravel() / len(side.images))
+        covariances.append(_centred(side, means[-1]) if side.noisy else None)
+    beyond = np.maximum(np.abs(means[0] - means[1]) - tolerance, 0.0)
+    traces = [_traces(centred) for centred in covariances if centred is not None]
+    trace = sum(first for first, _square, _count in traces)
+    squares = sum(square for _first, square, _count in traces)
+    spread = sum(square / (count - 1) for _first, square, count in traces)
+    if len(traces) == 2 and covariances[0] is not None and covariances[1] is not None:
+        product = covariances[0] @ covariances[1].T
+        counts = [count for _first, _square, count in traces]
+        scale = math.prod(count * (count - 1) for count in counts)
+        squares += 2.0 * float(np.sum(product.astype(np.float64) ** 2)) / scale
+    return fisher_above(float(beyond @ beyond) / trace, trace**2 / squares, trace**2 / spread)
 
 
-def student_two_sided(t: Float64, degrees: int) -> Float64:
-    """Probability of Student's t beyond ``t`` on either side, for whole ``degrees`` of freedom.
+def _centred(side: Repeats, mean: Float64) -> NDArray[np.float32]:
+    """Repeats ``(n, H * W * 3)`` less their mean."""
+    rows = [np.asarray(image, np.float64).ravel() - mean for image in side.images]
+    return np.array(rows, np.float32)
 
-    Abramowitz & Stegun 1964, 26.7.3 and 26.7.4: a finite sum, good to about 1e-15.
+
+def _traces(centred: NDArray[np.float32]) -> tuple[float, float, int]:
+    """Traces of the covariance of the repeats' mean and of its square, and their number.
+
+    Of two repeats nothing tells the second: then noise is taken to be tied all over the image.
     """
-    angle = np.arctan(np.abs(t) / math.sqrt(degrees))
-    sine, squared = np.sin(angle), np.cos(angle) ** 2
-    odd = degrees % 2
-    term = np.cos(angle) if odd else np.ones_like(angle)
-    total = np.zeros_like(angle)
-    for power in range(1 if odd else 0, degrees - 1, 2):
-        total += term
-        term = term * squared * ((power + 1) / (power + 2))
-    inside = (angle + sine * total) * (2.0 / math.pi) if odd else sine * total
-    return np.clip(1.0 - inside, 0.0, 1.0)
-
-
-def _student_quantile(probability: float, degrees: int) -> float:
-    """The t that is exceeded, on either side, with ``probability``; at most 1e8."""
-    low, high = 0.0, 1e8
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        above = float(student_two_sided(np.array(middle), degrees)) > probability
-        low, high = (middle, high) if above else (low, middle)
-    return high
+    count = len(centred)
+    gram = (centred @ centred.T).astype(np.float64) / (count - 1)
+    trace = float(np.trace(gram))
+    if count < 3:
+        square = trace**2
+    else:
+        biased = float(np.sum(gram**2)) - trace**2 / (count - 1)
+        square = biased * (count - 1) ** 2 / ((count + 1) * (count - 2))
+    square = min(max(square, trace**2 / centred.shape[1]), trace**2)
+    return trace / count, square / count**2, count

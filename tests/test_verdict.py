@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mbinterval.verdict import Repeats, holm, judge, student_two_sided
+from mbinterval.distributions import fisher_above, holm, student_two_sided
+from mbinterval.verdict import Repeats, judge
 
 SIZE = (32, 48)
 
@@ -35,6 +36,16 @@ def test_students_t_is_scipys(degrees):
     np.testing.assert_allclose(student_two_sided(t, degrees), expected, atol=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("value", "first", "second"),
+    [(1.0, 1.0, 15.0), (50.0, 1.0, 1.0), (3.0, 10.5, 150.2), (1.05, 2e4, 3e5), (0.98, 2e5, 3e6),
+     (0.0, 3.0, 4.0), (1e9, 2.0, 3.0)],
+)  # fmt: skip
+def test_fishers_f_is_scipys(value, first, second):
+    expected = stats.f.sf(value, first, second)
+    assert fisher_above(value, first, second) == pytest.approx(expected, rel=1e-8)
+
+
 def test_holms_correction_is_scipys_bonferroni_step_by_step():
     p_values = np.array([0.02, 0.001, 0.04, 0.9, 0.001, 0.015])
     # By hand: 6 * 0.001, 5 * 0.001, 4 * 0.015, 3 * 0.02, 2 * 0.04, 1 * 0.9, never decreasing.
@@ -49,7 +60,7 @@ def test_without_repeats_that_differ_there_is_no_verdict(coverage):
 
 
 LEVEL = 0.05
-TRIALS = 100
+TRIALS = 60
 MOST = int(stats.binom.ppf(0.999, TRIALS, LEVEL))  # false alarms that the level allows
 
 
