@@ -33,8 +33,8 @@ def table(result: Mapping[str, Any]) -> str:
     for scene in result["scenes"]:
         size = f"{scene['width']} x {scene['height']}"
         lines += ["", f"{scene['name']}: {scene['triangles']:,} triangles, {size}", ""]
-        lines += _aligned([_COLUMNS, *map(_cells, scene["rows"])])
-        lines += ["", *_aligned(_stage_cells(scene["rows"]))]
+        lines += aligned([_COLUMNS, *map(_cells, scene["rows"])])
+        lines += ["", *aligned(_stage_cells(scene["rows"]))]
     return "\n".join(lines)
 
 
@@ -79,7 +79,7 @@ def _milliseconds(seconds: float | None) -> str:
     return "" if seconds is None else f"{1e3 * seconds:.1f}"
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows as a Markdown table, columns aligned; the first row is the head."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines = [
@@ -172,7 +172,7 @@ def comparison(found: Sequence[Change], result: Mapping[str, Any], baseline: Any
         numbers = (f"{change.before:.3f}", f"{change.now:.3f}", f"{change.ratio:.2f}")
         rows.append((change.scene, change.row, *numbers, flag))
     lines = ["against the baseline; slower and faster: beyond the spread of both", ""]
-    lines += _aligned(rows)
+    lines += aligned(rows)
     missing = len(_medians(result)) - len(found)
     if missing:
         lines.append(f"{missing} rows are not in the baseline with these settings and sizes")

@@ -19,7 +19,7 @@ from mbinterval import __version__, commands
 from mbinterval.checks import nearest, number
 from mbinterval.errors import CapacityError, MbintervalError, SceneError, UsageError
 from mbinterval.frames import parse_frames, parse_outputs
-from mbinterval.settings import Settings
+from mbinterval.settings import SETTINGS, Settings, check_setting
 
 _log = logging.getLogger("mbinterval")
 
@@ -135,6 +135,8 @@ def _parser() -> argparse.ArgumentParser:
             _add_output_options(command)
         if name == "bench":
             _add_bench_options(command)
+        if name == "compare":
+            _add_compare_options(command)
         command.usage = f"mbinterval {name}{takes and ' '}{takes} [options]"
     return parser
 
@@ -142,6 +144,7 @@ def _parser() -> argparse.ArgumentParser:
 COMMANDS = {
     "render": (commands.render, "render frames of a scene to EXR and PNG", "SCENE"),
     "info": (commands.info, "print what a render would do, and why", "SCENE"),
+    "compare": (commands.compare, "measure how far images are from the first", "SOURCE ..."),
     "bench": (commands.bench, "measure seconds, work and error of the methods", "[SCENE ...]"),
     "devices": (commands.devices, "list the OpenCL devices", ""),
 }
@@ -165,6 +168,10 @@ def _command(groups: Any, name: str, run: Any, summary: str) -> argparse.Argumen
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("scene", metavar="SCENE", help="scene file, or a model such as a .glb")
+    _add_render_options(command)
+
+
+def _add_render_options(command: argparse.ArgumentParser) -> None:
     model = command.add_argument_group("animation of a model (a scene file has these per object)")
     model.add_argument("--clip", type=_clip, metavar="NAME", help="clip by name or index [first]")
     model.add_argument(
@@ -235,6 +242,49 @@ def _add_device_option(group: Any) -> None:
         metavar="NAME",
         help="index or part of the name of an OpenCL device; see 'mbinterval devices'",
     )
+
+
+def _add_compare_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add(
+        "sources",
+        nargs="+",
+        metavar="SOURCE",
+        help="EXR file, quoted pattern of EXR files that are repeats with other seeds, or scene to "
+        "render; the first image is the reference",
+    )
+    add(
+        "--with",
+        action="append",
+        dest="variants",
+        type=_argument(_variant),
+        metavar="SETTINGS",
+        help="render scenes with these settings, as in samples=16,pattern=sobol; may be given "
+        "several times",
+    )
+    add(
+        "--repeats",
+        type=_argument(_rounds),
+        default=1,
+        metavar="COUNT",
+        help="render with as many seeds, for the verdict whether noise explains a difference [1]",
+    )
+    add(
+        "--level",
+        type=_argument(_level),
+        default=0.01,
+        metavar="PROBABILITY",
+        help="with which the verdict may say no to equal images [0.01]",
+    )
+    add(
+        "--assume-samples",
+        type=_argument(_rounds),
+        metavar="COUNT",
+        help="samples per pixel of EXR files that do not say, for the verdict [1]",
+    )
+    add("--maps", metavar="FOLDER", help="write error maps as PNG, a folder for each image")
+    add("--json", metavar="FILE", help="write the result")
+    _add_render_options(command)
 
 
 def _add_bench_options(command: argparse.ArgumentParser) -> None:
@@ -318,6 +368,28 @@ def _rounds(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 10_000:
         raise UsageError(f"{text!r} is not a whole number from 1 to 10000")
     return int(text)
+
+
+def _level(text: str) -> float:
+    return number(_value(text), "level", above=0.0, below=1.0)
+
+
+def _variant(text: str) -> tuple[str, dict[str, Any]]:
+    """Settings in one text, as in ``samples=16,pattern=sobol``."""
+    values = {}
+    for part in text.split(","):
+        name, given, value = part.partition("=")
+        name = name.strip().replace("-", "_")
+        if not given:
+            raise UsageError(f"{part!r} is not NAME=VALUE, as in samples=16,pattern=sobol")
+        if name not in SETTINGS:
+            raise UsageError(f"unknown setting {name!r}, {nearest(name, SETTINGS)}")
+        values[name] = check_setting(name, _switch(value.strip()))
+    return text, values
+
+
+def _switch(text: str) -> str | int | float | bool | None:
+    return {"true": True, "false": False}.get(text.lower(), _value(text))
 
 
 def _tolerance(text: str) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -139,6 +140,41 @@ def bench(arguments: argparse.Namespace) -> None:
         raise MbintervalError(
             f"slower than {arguments.baseline} by more than {tolerance:.0%}: {'; '.join(slower)}"
         )
+
+
+def compare(arguments: argparse.Namespace) -> None:
+    """``mbinterval compare``: renders and files against the first of them."""
+    from mbinterval.bench_report import write_result
+    from mbinterval.compare_sources import read_sources, render_sources, table
+
+    if arguments.json:
+        prepare_output(arguments.json)
+    sources = []
+    for name in arguments.sources:
+        if Path(name).suffix.lower() == ".exr":
+            sources.append(read_sources(name))
+        else:
+            given = argparse.Namespace(**{**vars(arguments), "scene": name})
+            sources += render_sources(given, make_job)
+    if len(sources) < 2:
+        raise UsageError(
+            "one image is nothing to compare; give another file, or a scene with --with twice"
+        )
+    reference, *others = sources
+    results = {}
+    for source in others:
+        name = source.name
+        while name in results:
+            name += "'"
+        results[name] = mbinterval.compare(
+            source.films, reference.films, samples=arguments.assume_samples, level=arguments.level
+        )
+        if arguments.maps:
+            results[name].write_maps(Path(arguments.maps) / re.sub(r"[^\w.=,-]+", "_", name))
+    print(table(reference, results))
+    if arguments.json:
+        found = {name: result.as_dict() for name, result in results.items()}
+        write_result(arguments.json, {"reference": reference.name, "images": found})
 
 
 def devices(_arguments: argparse.Namespace) -> None:
