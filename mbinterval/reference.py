@@ -1,0 +1,231 @@
+"""Converged references: made once, by a method that is not under study, with an error of their own.
+
+A reference is the mean of renders that differ in their seed. Every other one belongs to one of two
+halves, which are independent, so that their difference tells the error of the mean: half of the
+root mean square. It is kept in a file whose name is a hash of all that it depends on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+import mbinterval
+from mbinterval.atomic import prepare_output, replacing
+from mbinterval.bench_cases import Case
+from mbinterval.checks import number, whole_number
+from mbinterval.device.choose import choose_device
+from mbinterval.device.sources import kernel_root
+from mbinterval.errors import UsageError
+from mbinterval.settings import Settings
+
+_log = logging.getLogger(__name__)
+
+Float32 = NDArray[np.float32]
+
+FEWEST_PAIRS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A converged image.
+
+    Attributes
+    ----------
+    halves
+        ``(2, H, W, 3)`` float32, scene-linear: means over independent renders.
+    settings
+        Of each of these renders, but for the seed.
+    renders
+        How many there are in both halves together.
+    seconds
+        That they took, wall clock.
+    """
+
+    halves: Float32
+    settings: Settings
+    renders: int
+    seconds: float
+
+    @property
+    def image(self) -> Float32:
+        """``(H, W, 3)``: the mean of both halves."""
+        return np.asarray(self.halves.mean(axis=0), np.float32)
+
+    @property
+    def error(self) -> float:
+        """RMSE of `image`, estimated from its halves."""
+        return _error(*self.halves)
+
+    def rmse_of(self, image: NDArray[Any]) -> float:
+        """RMSE of ``image`` ``(H, W, 3 or 4)`` without the reference's own share; 0 at the least.
+
+        The product of the differences from both halves has the square of the image's error as its
+        mean, whatever the halves' noise, where the square of the difference from their mean has
+        the reference's own error on top.
+        """
+        first, second = (np.asarray(image, np.float64)[..., :3] - half for half in self.halves)
+        return math.sqrt(max(0.0, float(np.mean(first * second))))
+
+
+def converged(
+    case: Case,
+    settings: Settings,
+    error: float,
+    *,
+    most: int = 1024,
+    folder: str | Path | None = None,
+    device: Any = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Reference:
+    """Make the reference of ``case``, or read it from ``folder`` where it was made before.
+
+    Parameters
+    ----------
+    case
+        Scene, frame and size; its own settings and reference are not looked at.
+    settings
+        Of a method that has a seed; renders count it up from ``settings.seed``.
+    error
+        Stop when the estimated RMSE of the mean is at most this, above 0.
+    most
+        Stop after as many renders, with a warning; at least four.
+    folder
+        Where references are kept; None keeps none. A file that cannot be read is made again.
+    progress
+        Told after each pair of renders how many there are, and the error so far.
+
+    Raises
+    ------
+    UsageError
+        Where the seed changes nothing; and what ``mbinterval.render`` raises.
+    """
+    number(error, "error", above=0.0)
+    whole_number(most, "most", 2 * FEWEST_PAIRS)
+    path = None
+    if folder is not None:
+        key = fingerprint(case, settings, device)
+        path = prepare_output(Path(folder) / f"{case.name.replace(':', '-')}-{key}.npz")
+        kept = _read(path, settings)
+        if kept is not None and (kept.error <= error or kept.renders >= most):
+            return kept
+    reference = _made(case, settings, error, most, device, progress)
+    if reference.error > error:
+        _log.warning(
+            "reference of %s: error %.1e after %d renders, %.1e was asked for",
+            *(case.name, reference.error, reference.renders, error),
+        )
+    if path is not None:
+        _write(path, reference)
+    return reference
+
+
+def _made(
+    case: Case,
+    settings: Settings,
+    error: float,
+    most: int,
+    device: Any,
+    progress: Callable[[int, float], None] | None,
+) -> Reference:
+    started = time.perf_counter()
+    totals = np.zeros((2, case.height, case.width, 3))
+    for pairs in range(1, most // 2 + 1):
+        for half in (0, 1):
+            seed = (settings.seed + 2 * (pairs - 1) + half) % 2**32
+            film = mbinterval.render(
+                case.scene,
+                frame=case.frame,
+                width=case.width,
+                height=case.height,
+                settings=replace(settings, seed=seed),
+                device=device,
+            )
+            totals[half] += film.rgba[..., :3]
+        if pairs == 1 and np.array_equal(*totals):
+            raise UsageError(
+                f"reference: with {settings} the seed changes nothing, so that its error cannot be "
+                "estimated; use a random pattern"
+            )
+        found = _error(*totals / pairs)
+        if progress is not None:
+            progress(2 * pairs, found)
+        if pairs >= FEWEST_PAIRS and found <= error:
+            break
+    halves = (totals / pairs).astype(np.float32)
+    return Reference(halves, settings, 2 * pairs, time.perf_counter() - started)
+
+
+def _error(first: NDArray[Any], second: NDArray[Any]) -> float:
+    return 0.5 * math.sqrt(float(np.mean((first.astype(np.float64) - second) ** 2)))
+
+
+def fingerprint(case: Case, settings: Settings, device: Any = None) -> str:
+    """Hash of all that renders of ``case`` depend on, 24 hexadecimal digits.
+
+    Scene, frame and size; settings; mbinterval's version and its kernels; the OpenCL device and
+    its driver.
+    """
+    chosen = choose_device(device)
+    root = kernel_root()
+    kernels = {str(p.relative_to(root)): p.read_bytes() for p in sorted(root.rglob("*.*"))}
+    where = (chosen.name, chosen.platform.version, chosen.driver_version)
+    parts = (case.scene, case.frame, case.width, case.height, settings, kernels, where)
+    digest = hashlib.sha256(mbinterval.__version__.encode())
+    for piece in _bytes_of(parts):
+        digest.update(piece)
+    return digest.hexdigest()[:24]
+
+
+def _bytes_of(value: Any) -> Iterator[bytes]:
+    """Bytes that are equal for equal values only: each with its type and its length."""
+    yield type(value).__name__.encode() + b"\0"
+    if isinstance(value, np.ndarray):
+        yield f"{value.dtype.str}{value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, bytes):
+        yield f"{len(value)}:".encode() + value
+    elif value is None or isinstance(value, str | int | float | np.generic | Path):
+        text = repr(value).encode()
+        yield f"{len(text)}:".encode() + text
+    elif isinstance(value, Mapping):
+        yield from _bytes_of(list(value.items()))
+    elif isinstance(value, list | tuple):
+        yield f"{len(value)}:".encode()
+        for item in value:
+            yield from _bytes_of(item)
+    elif is_dataclass(value):
+        yield from _bytes_of([(item.name, getattr(value, item.name)) for item in fields(value)])
+    else:
+        raise TypeError(f"{type(value).__name__} has no bytes to hash")
+
+
+def _write(path: Path, reference: Reference) -> None:
+    facts = {"renders": reference.renders, "seconds": reference.seconds}
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, halves=reference.halves, facts=json.dumps(facts))
+
+
+def _read(path: Path, settings: Settings) -> Reference | None:
+    if not path.exists():
+        return None
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            halves, facts = stored["halves"], json.loads(str(stored["facts"]))
+        if halves.dtype != np.float32 or halves.ndim != 4 or len(halves) != 2:
+            raise ValueError("no halves of an image")
+        return Reference(halves, settings, int(facts["renders"]), float(facts["seconds"]))
+    except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile) as error:
+        _log.warning("reference %s: cannot be read (%s); it is made again", path, error)
+        return None
