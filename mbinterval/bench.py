@@ -14,7 +14,7 @@ import platform
 import re
 import statistics
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -59,16 +59,21 @@ _OWN = ("pairing", "partial_bits", "max_intervals", "pattern", "filter_radius")
 
 def measure(
     cases: Sequence[Case],
-    rows: Iterable[str] = ROWS,
+    rows: Iterable[str] | Mapping[str, Mapping[str, Any]] = ROWS,
     rounds: int = ROUNDS,
     device: Any = None,
+    figures: Callable[[str, Film], Mapping[str, Any]] | None = None,
 ) -> dict[str, Any]:
-    """Measure ``rows`` (names in ``ROWS``) on ``cases``; the result can be stored as JSON.
+    """Measure ``rows`` on ``cases``; the result can be stored as JSON.
+
+    Rows are names in ``ROWS``, or settings by name. ``figures`` gives further entries of a row,
+    from its name and its last film.
 
     A row that a scene does not allow, such as triangulated paths with a lens, has an ``error``
     and no figures. Times are in seconds, sizes in bytes, shares and ratios are fractions:
 
-    ``median``, ``minimum``, ``spread`` (distance of the quartiles over the median), ``seconds`` of
+    ``first`` (the render that builds kernels and warms up), ``median``, ``minimum``, ``spread``
+    (distance of the quartiles over the median), ``seconds`` of
     each round, ``processor`` (median of the process's processor seconds, all cores together, which
     other load on the machine changes less), ``stages`` (medians by stage; ``host`` is the rest),
     ``ratio`` (to the first row), ``tests`` and ``hits`` (exact paths), ``intervals`` (met per
@@ -76,23 +81,20 @@ def measure(
     moved per second over the device's copy bandwidth), ``memory`` (most resident bytes of the
     process during a render), ``rmse`` (over linear RGB, where there is a reference).
     """
-    rows = tuple(rows)
-    for row in rows:
-        if row not in ROWS:
-            raise UsageError(f"row {row!r}: unknown, {nearest(row, ROWS)}")
+    named = rows if isinstance(rows, Mapping) else {row: _row(row) for row in rows}
     meter = MeteredRuntime(choose_device(device))
     copied = copy_bandwidth(meter)
     load = os.getloadavg()[0]
     measured = []
     for case in cases:
-        _log.info("%s: %d rows, %d rounds", case.name, len(rows), rounds)
+        _log.info("%s: %d rows, %d rounds", case.name, len(named), rounds)
         measured.append(
             {
                 "name": case.name,
                 "width": case.width,
                 "height": case.height,
                 "triangles": sum(len(mesh.faces) for mesh in case.scene.meshes),
-                "rows": _measure_rows(case, rows, rounds, meter, copied),
+                "rows": _measure_rows(case, named, rounds, meter, copied, figures),
             }
         )
     return {
@@ -111,6 +113,12 @@ def measure(
     }
 
 
+def _row(name: str) -> Mapping[str, Any]:
+    if name not in ROWS:
+        raise UsageError(f"row {name!r}: unknown, {nearest(name, ROWS)}")
+    return ROWS[name]
+
+
 @dataclass(eq=False)
 class _Samples:
     """What the rounds of one row gave so far."""
@@ -118,6 +126,7 @@ class _Samples:
     settings: Settings
     film: Film
     moved: int
+    first: float
     seconds: list[float] = field(default_factory=list)
     processor: list[float] = field(default_factory=list)
     stages: list[Mapping[str, float]] = field(default_factory=list)
@@ -125,19 +134,26 @@ class _Samples:
 
 
 def _measure_rows(
-    case: Case, rows: Sequence[str], rounds: int, meter: MeteredRuntime, copied: float
+    case: Case,
+    rows: Mapping[str, Mapping[str, Any]],
+    rounds: int,
+    meter: MeteredRuntime,
+    copied: float,
+    figures: Callable[[str, Film], Mapping[str, Any]] | None,
 ) -> list[dict[str, Any]]:
     samples: dict[str, _Samples] = {}
     results: dict[str, dict[str, Any]] = {}
-    for row in rows:  # builds the kernels
+    for row, values in rows.items():  # builds the kernels
         try:
-            settings = _settings_of(case, row)
+            settings = _settings_of(case, values)
             meter.clear()
+            started = time.perf_counter()
             film = _render(case, settings, meter)
+            first = time.perf_counter() - started
         except UsageError as error:
             results[row] = {"name": row, "error": str(error)}
             continue
-        samples[row] = _Samples(settings, film, moved_bytes(meter, film, settings))
+        samples[row] = _Samples(settings, film, moved_bytes(meter, film, settings), first)
     for _ in range(rounds):
         for of in samples.values():
             clear_peak_memory()
@@ -149,9 +165,11 @@ def _measure_rows(
             of.memory = max(of.memory, peak_memory())
     for row, of in samples.items():
         results[row] = {"name": row, **_result(case, of, copied)}
-    first = next((results[row]["median"] for row in rows if row in samples), 1.0)
+        if figures is not None:
+            results[row].update(figures(row, of.film))
+    base = next((results[row]["median"] for row in rows if row in samples), 1.0)
     for row in samples:
-        results[row]["ratio"] = results[row]["median"] / first
+        results[row]["ratio"] = results[row]["median"] / base
     return [results[row] for row in rows]
 
 
@@ -176,6 +194,7 @@ def _result(case: Case, of: _Samples, copied: float) -> dict[str, Any]:
     count = of.film.intervals.size * of.settings.samples
     result = {
         "settings": settings_text(of.settings),
+        "first": of.first,
         "median": median,
         "minimum": min(of.seconds),
         "spread": _spread(of.seconds),
@@ -204,9 +223,9 @@ def settings_text(settings: Settings) -> str:
     return ", ".join(f"{name}={value!r}".replace("'", '"') for name, value in values.items())
 
 
-def _settings_of(case: Case, row: str) -> Settings:
+def _settings_of(case: Case, values: Mapping[str, Any]) -> Settings:
     kept = {name: value for name, value in case.settings.items() if name not in _OWN}
-    return Settings.from_mapping({**kept, **ROWS[row]})
+    return Settings.from_mapping({**kept, **values})
 
 
 def _spread(seconds: Sequence[float]) -> float:

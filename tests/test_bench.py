@@ -120,7 +120,7 @@ def test_a_row_that_a_scene_does_not_allow_says_why_and_the_others_are_measured(
 
 def test_a_scene_files_settings_stay_unless_they_are_the_rows():
     stored = {"motion_segments": 3, "samples": 9, "paths": "triangulated", "filter_radius": 1.0}
-    settings = bench._settings_of(small_case(settings=stored), "exact 2")
+    settings = bench._settings_of(small_case(settings=stored), bench.ROWS["exact 2"])
     assert settings == mb.Settings(samples=2, motion_segments=3)
 
 
@@ -345,3 +345,21 @@ def test_mistakes_are_told_before_anything_is_rendered(options, message, capsys,
     assert cli.main(["bench", "fast_cubes:20", *SMALL, *options]) == 2
     assert message in capsys.readouterr().err
     assert time.perf_counter() - started < 20
+
+
+def test_rows_may_be_settings_of_ones_own_with_figures_of_ones_own():
+    rows = {"one": {"samples": 1}, "two": {"samples": 2}, "wrong": {"samples": 0}}
+    measured = bench.measure(
+        [small_case()],
+        rows,
+        rounds=1,
+        figures=lambda name, film: {"red": (name, film.rgba[3, 4, 0])},
+    )
+    found = rows_of(measured)
+    assert list(found) == list(rows)
+    for name in ("one", "two"):
+        settings = mb.Settings(samples=rows[name]["samples"])
+        film = mb.render(small_case().scene, width=48, height=32, settings=settings)
+        assert found[name]["red"] == (name, film.rgba[3, 4, 0])
+        assert found[name]["first"] > 0
+    assert "samples=0" in found["wrong"]["error"]
