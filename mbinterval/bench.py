@@ -73,13 +73,13 @@ def measure(
     and no figures. Times are in seconds, sizes in bytes, shares and ratios are fractions:
 
     ``first`` (the render that builds kernels and warms up), ``median``, ``minimum``, ``spread``
-    (distance of the quartiles over the median), ``seconds`` of
-    each round, ``processor`` (median of the process's processor seconds, all cores together, which
-    other load on the machine changes less), ``stages`` (medians by stage; ``host`` is the rest),
-    ``ratio`` (to the first row), ``tests`` and ``hits`` (exact paths), ``intervals`` (met per
-    sample), ``moved`` (bytes, see `mbinterval.device.meter.moved_bytes`), ``bandwidth`` (bytes
-    moved per second over the device's copy bandwidth), ``memory`` (most resident bytes of the
-    process during a render), ``rmse`` (over linear RGB, where there is a reference).
+    (distance of the quartiles over the median), ``seconds`` of each round, ``processor`` (median of
+    the process's processor seconds, all cores together, which other load on the machine changes
+    less), ``stages`` (medians by stage; ``host`` is the rest), ``ratio`` (to the first row),
+    ``tests`` and ``hits`` (exact paths), ``intervals`` (met per sample), ``moved`` (bytes, see
+    `mbinterval.device.meter.moved_bytes`), ``bandwidth`` (bytes moved per second over the device's
+    copy bandwidth), ``memory`` (most resident bytes of the process during a render), ``rmse`` (over
+    linear RGB, where there is a reference).
     """
     named = rows if isinstance(rows, Mapping) else {row: _row(row) for row in rows}
     meter = MeteredRuntime(choose_device(device))

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 import mbinterval
 from mbinterval.atomic import prepare_output, replacing
+from mbinterval.bench import settings_text
 from mbinterval.bench_cases import Case
 from mbinterval.checks import number, whole_number
 from mbinterval.device.choose import choose_device
@@ -44,9 +45,12 @@ class Reference:
     Attributes
     ----------
     halves
-        ``(2, H, W, 3)`` float32, scene-linear: means over independent renders.
-    settings
-        Of each of these renders, but for the seed.
+        ``(2, H, W, 3)`` float32, scene-linear: means over independent renders; ``(1, H, W, 3)``
+        where it was made elsewhere and nothing is known of its noise.
+    made
+        By which settings, for people and for the rule that no method is its own judge.
+    method
+        The method of these settings, empty where it is not known.
     renders
         How many there are in both halves together.
     seconds
@@ -54,19 +58,25 @@ class Reference:
     """
 
     halves: Float32
-    settings: Settings
-    renders: int
-    seconds: float
+    made: str
+    method: str = ""
+    renders: int = 0
+    seconds: float = 0.0
+
+    @classmethod
+    def of_image(cls, image: NDArray[Any], made: str, method: str = "") -> Reference:
+        """Take ``image`` ``(H, W, 3 or 4)`` as the truth, whatever its error."""
+        return cls(np.asarray(image, np.float32)[None, ..., :3], made, method)
 
     @property
     def image(self) -> Float32:
-        """``(H, W, 3)``: the mean of both halves."""
+        """``(H, W, 3)``: the mean of the halves."""
         return np.asarray(self.halves.mean(axis=0), np.float32)
 
     @property
-    def error(self) -> float:
-        """RMSE of `image`, estimated from its halves."""
-        return _error(*self.halves)
+    def error(self) -> float | None:
+        """RMSE of `image`, estimated from its halves; None where there is one only."""
+        return _error(*self.halves) if len(self.halves) == 2 else None
 
     def rmse_of(self, image: NDArray[Any]) -> float:
         """RMSE of ``image`` ``(H, W, 3 or 4)`` without the reference's own share; 0 at the least.
@@ -75,8 +85,9 @@ class Reference:
         mean, whatever the halves' noise, where the square of the difference from their mean has
         the reference's own error on top.
         """
-        first, second = (np.asarray(image, np.float64)[..., :3] - half for half in self.halves)
-        return math.sqrt(max(0.0, float(np.mean(first * second))))
+        values = np.asarray(image, np.float64)[..., :3]
+        product = (values - self.halves[0]) * (values - self.halves[-1])
+        return math.sqrt(max(0.0, float(np.mean(product))))
 
 
 def converged(
@@ -118,10 +129,10 @@ def converged(
         key = fingerprint(case, settings, device)
         path = prepare_output(Path(folder) / f"{case.name.replace(':', '-')}-{key}.npz")
         kept = _read(path, settings)
-        if kept is not None and (kept.error <= error or kept.renders >= most):
+        if kept is not None and (_fine(kept, error) or kept.renders >= most):
             return kept
     reference = _made(case, settings, error, most, device, progress)
-    if reference.error > error:
+    if not _fine(reference, error):
         _log.warning(
             "reference of %s: error %.1e after %d renders, %.1e was asked for",
             *(case.name, reference.error, reference.renders, error),
@@ -129,6 +140,10 @@ def converged(
     if path is not None:
         _write(path, reference)
     return reference
+
+
+def _fine(reference: Reference, error: float) -> bool:
+    return reference.error is not None and reference.error <= error
 
 
 def _made(
@@ -155,8 +170,8 @@ def _made(
             totals[half] += film.rgba[..., :3]
         if pairs == 1 and np.array_equal(*totals):
             raise UsageError(
-                f"reference: with {settings} the seed changes nothing, so that its error cannot be "
-                "estimated; use a random pattern"
+                f"reference: with {settings_text(settings)} the seed changes nothing, so that its "
+                "error cannot be estimated; use a random pattern"
             )
         found = _error(*totals / pairs)
         if progress is not None:
@@ -164,7 +179,8 @@ def _made(
         if pairs >= FEWEST_PAIRS and found <= error:
             break
     halves = (totals / pairs).astype(np.float32)
-    return Reference(halves, settings, 2 * pairs, time.perf_counter() - started)
+    made, seconds = settings_text(settings), time.perf_counter() - started
+    return Reference(halves, made, settings.method, 2 * pairs, seconds)
 
 
 def _error(first: NDArray[Any], second: NDArray[Any]) -> float:
@@ -225,7 +241,8 @@ def _read(path: Path, settings: Settings) -> Reference | None:
             halves, facts = stored["halves"], json.loads(str(stored["facts"]))
         if halves.dtype != np.float32 or halves.ndim != 4 or len(halves) != 2:
             raise ValueError("no halves of an image")
-        return Reference(halves, settings, int(facts["renders"]), float(facts["seconds"]))
+        renders, seconds = int(facts["renders"]), float(facts["seconds"])
+        return Reference(halves, settings_text(settings), settings.method, renders, seconds)
     except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile) as error:
         _log.warning("reference %s: cannot be read (%s); it is made again", path, error)
         return None

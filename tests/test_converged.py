@@ -54,12 +54,19 @@ def test_an_images_error_is_measured_without_the_references_own():
     rng = np.random.default_rng(0)
     truth, error = rng.random((60, 80, 3)), 0.01
     halves = truth + rng.normal(0, 0.02, (2, *truth.shape))
-    reference = Reference(halves.astype(np.float32), NOISY, 4, 1.0)
+    reference = Reference(halves.astype(np.float32), "simulated")
     image = truth + rng.normal(0, error, truth.shape)
     assert reference.rmse_of(image) == pytest.approx(error, rel=0.1)
     assert rms(image - reference.image) > 1.5 * error
     assert reference.error == pytest.approx(0.02 / np.sqrt(2), rel=0.05)
     assert reference.rmse_of(reference.image) == 0.0
+
+
+def test_an_image_from_elsewhere_is_a_reference_of_unknown_error():
+    image = np.random.default_rng(0).random((6, 8, 3))
+    reference = Reference.of_image(image, "another renderer")
+    assert reference.error is None
+    assert reference.rmse_of(image + 0.01) == pytest.approx(0.01, rel=1e-4)
 
 
 def test_a_seed_that_changes_nothing_is_an_error():
