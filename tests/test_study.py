@@ -45,8 +45,8 @@ def slices(samples, count):
 @lru_cache
 def truth():
     return Truth(
-        pixels=[Reference.of_image(slices(64, 128), "128 slices", "slices")],
-        centres=[Reference.of_image(slices(1, 512), "512 slices", "slices")],
+        pixels=[Reference.of_image(slices(16, 32), "32 slices", "slices")],
+        centres=[Reference.of_image(slices(1, 300), "300 slices", "slices")],
     )
 
 
@@ -84,10 +84,10 @@ def test_errors_are_those_of_the_renders(result):
             case().scene, width=SIZE[0], height=SIZE[1], settings=mb.Settings(samples=count)
         )
         colour = film.rgba[..., :3]
-        assert row["rmse"] == pytest.approx(rms(colour - slices(64, 128)), rel=1e-4)
+        assert row["rmse"] == pytest.approx(rms(colour - slices(16, 32)), rel=1e-4)
         assert ("temporal" in row) == (count == 1)
         if count == 1:
-            assert row["temporal"] == pytest.approx(rms(colour - slices(1, 512)), rel=1e-4)
+            assert row["temporal"] == pytest.approx(rms(colour - slices(1, 300)), rel=1e-4)
         assert row["median"] > 0
 
 
@@ -116,7 +116,7 @@ def test_it_is_stored_as_json_and_csv_with_a_film_of_each_row(result, folder):
         assert float(line["rmse"]) == row["rmse"]
         assert float(line["median"]) == row["median"]
         film = mb.Film.read(folder / module.film_name(row["name"]))
-        assert rms(film.rgba[..., :3] - slices(64, 128)) == pytest.approx(row["rmse"], rel=1e-4)
+        assert rms(film.rgba[..., :3] - slices(16, 32)) == pytest.approx(row["rmse"], rel=1e-4)
 
 
 def test_a_study_that_was_stopped_goes_on(tmp_path, monkeypatch):
@@ -140,7 +140,7 @@ def test_a_study_that_was_stopped_goes_on(tmp_path, monkeypatch):
     assert found["complete"]
     assert [list(SWEEPS[name].rows) for name in (FEW[0], FEW[1], FEW[1])] == made
     assert found["sweeps"][FEW[0]] == stored["sweeps"][FEW[0]]
-    other = Truth([Reference.of_image(slices(1, 512), "another", "slices")])
+    other = Truth([Reference.of_image(slices(1, 300), "another", "slices")])
     anew = study(case(), other, **options | {"sweeps": FEW[:1]})
     assert anew["sweeps"][FEW[0]] != stored["sweeps"][FEW[0]]
 
@@ -151,7 +151,7 @@ def test_no_method_is_its_own_judge():
     assert module.errors(film, {"method": "analytic"}, Truth([own])) == {}
     both = Truth([own, *truth().pixels])
     found = module.errors(film, {"method": "analytic"}, both)
-    assert found["rmse"] == pytest.approx(rms(film.rgba[..., :3] - slices(64, 128)), rel=1e-4)
+    assert found["rmse"] == pytest.approx(rms(film.rgba[..., :3] - slices(16, 32)), rel=1e-4)
 
 
 def test_a_row_that_a_scene_does_not_allow_says_why(tmp_path):
