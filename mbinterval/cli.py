@@ -58,6 +58,15 @@ _SETTING_HELP = {
     "motion_error": "greatest path error of chosen motion segments, in pixels",
     "seed": "seed of every pseudo-random choice",
     "transparent": "leave the background out; PNG gets an alpha channel",
+    "cull": "which point samples a path is tested at",
+    "cull_tile": "pixels along the edge of the tiles that culling bounds",
+    "test": "how a point sample is tested: vertices or edges",
+    "shading_rate": "shade every point sample, or once per pixel and triangle",
+    "hybrid": "shade what does not move once per pixel",
+    "frameless": "every n-th pixel sees its own part of the shutter",
+    "slices": "pictures that accumulation averages",
+    "slice_times": "uniform, jittered or stochastic",
+    "statistics": "count samples that were tested and hit",
     "tile_size": "edge of a tile in pixels; it changes speed, never the image",
 }
 
@@ -233,6 +242,11 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="where to write, .exr or .png; #### or %%04d is the frame's number. May be given "
         "several times, or as a list with commas [SCENE.####.exr]",
+    )
+    command.add_argument(
+        "--stats",
+        metavar="FILE",
+        help="write seconds by stage and counts of every frame to this JSON file",
     )
 
 

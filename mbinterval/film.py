@@ -32,7 +32,8 @@ class Film:
         ``(H, W)`` float32: mean distance along the view axis of what is visible, weighted by
         coverage; infinity where nothing is.
     intervals
-        ``(H, W)`` uint32: time intervals met in the pixel, summed over its samples.
+        ``(H, W)`` uint32: time intervals met in the pixel, summed over its samples; of point
+        samples the number of those that see something.
     timings
         Seconds by stage, in the order in which the stages run. Not written to files.
     resolution
@@ -42,8 +43,11 @@ class Film:
     metadata
         What is written into files: frame, shutter, camera, settings, version.
     stats
-        Counts of the render: ``tests``, pairs of a motion path and a sample that were solved, and
-        ``hits``, those of them that gave an interval (exact paths). Not written to files.
+        Counts of the render. Analytic: ``tests``, pairs of a motion path and a sample that were
+        solved, and ``hits``, those of them that gave an interval (exact paths). Point samples,
+        where ``Settings.statistics`` asks for it: ``visited``, samples in pixels that a path may
+        touch, those left after the lens's part of the culling (``stage1``), ``tests`` and
+        ``hits``. Not written to files.
     transparent
         The background was left out of the colour, so that a PNG gets an alpha channel.
     notes

@@ -14,7 +14,7 @@ def vtk_positions(path: Path, seconds: float, clip: int = 0) -> list[np.ndarray]
     from vtkmodules.vtkIOGeometry import vtkGLTFReader
 
     reader = vtkGLTFReader()
-    reader.SetFileName(str(path))
+    reader.SetFileName(str(path.resolve()))  # with ".." in it the reader animates nothing
     reader.ApplyDeformationsToGeometryOn()
     reader.SetFrameRate(60)
     reader.UpdateInformation()

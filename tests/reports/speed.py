@@ -42,6 +42,7 @@ ROWS: tuple[tuple[str, dict[str, object]], ...] = (
     ("sphere82k", SHARED),
     ("ho17_cubes", {"samples": 1}),
     ("ho17_cubes", PUBLISHED),
+    *((name, {"method": "stochastic", "samples": 64}) for name in ("wheel", *CLOSED)),
 )
 
 
