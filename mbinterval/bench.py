@@ -29,13 +29,13 @@ from mbinterval.device.choose import choose_device
 from mbinterval.device.meter import (
     MeteredRuntime,
     clear_peak_memory,
-    copy_bandwidth,
     moved_bytes,
     peak_memory,
 )
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
 from mbinterval.settings import Settings
+from mbinterval.stochastic_plan import sample_count
 
 _log = logging.getLogger(__name__)
 
@@ -63,16 +63,20 @@ def measure(
     rounds: int = ROUNDS,
     device: Any = None,
     figures: Callable[[str, Film], Mapping[str, Any]] | None = None,
+    brevity: Brevity | None = None,
 ) -> dict[str, Any]:
     """Measure ``rows`` on ``cases``; the result can be stored as JSON.
 
     Rows are names in ``ROWS``, or settings by name. ``figures`` gives further entries of a row,
-    from its name and its last film.
+    from its name and its last film. ``device`` may be a ``MeteredRuntime``, which keeps its
+    kernels. With ``brevity`` slow rows are rendered less often, or left out.
 
     A row that a scene does not allow, such as triangulated paths with a lens, has an ``error``
     and no figures. Times are in seconds, sizes in bytes, shares and ratios are fractions:
 
-    ``first`` (the render that builds kernels and warms up), ``median``, ``minimum``, ``spread``
+    ``first`` (the render that builds kernels and warms up; with ``brevity`` of a few pixels),
+    ``build`` (the part of it that compilers took), ``transfer`` (median of the part of a render in
+    which scene and film went to the device and back), ``median``, ``minimum``, ``spread``
     (distance of the quartiles over the median), ``seconds`` of each round, ``processor`` (median of
     the process's processor seconds, all cores together, which other load on the machine changes
     less), ``stages`` (medians by stage; ``host`` is the rest), ``ratio`` (to the first row),
@@ -82,8 +86,8 @@ def measure(
     linear RGB, where there is a reference).
     """
     named = rows if isinstance(rows, Mapping) else {row: _row(row) for row in rows}
-    meter = MeteredRuntime(choose_device(device))
-    copied = copy_bandwidth(meter)
+    made = isinstance(device, MeteredRuntime)
+    meter = device if made else MeteredRuntime(choose_device(device))
     load = os.getloadavg()[0]
     measured = []
     for case in cases:
@@ -94,7 +98,7 @@ def measure(
                 "width": case.width,
                 "height": case.height,
                 "triangles": sum(len(mesh.faces) for mesh in case.scene.meshes),
-                "rows": _measure_rows(case, named, rounds, meter, copied, figures),
+                "rows": _measure_rows(case, named, rounds, meter, figures, brevity),
             }
         )
     return {
@@ -105,7 +109,7 @@ def measure(
             "name": meter.device.name.strip(),
             "platform": meter.device.platform.name.strip(),
             "compute_units": meter.device.max_compute_units,
-            "copy_bandwidth": copied,
+            "copy_bandwidth": meter.copied,
         },
         "load": load,
         "rounds": rounds,
@@ -119,16 +123,36 @@ def _row(name: str) -> Mapping[str, Any]:
     return ROWS[name]
 
 
+@dataclass(frozen=True)
+class Brevity:
+    """How slow rows are kept short.
+
+    Attributes
+    ----------
+    seconds
+        A row is not rendered again once its renders took this long together; kernels are built by
+        a render of a few pixels, so that one is enough.
+    leave_out
+        Told the name of the row to come and the seconds of the renders before it by name; returns
+        why that row is left out, or None.
+    """
+
+    seconds: float
+    leave_out: Callable[[str, Mapping[str, float]], str | None] = lambda _row, _seconds: None
+
+
 @dataclass(eq=False)
 class _Samples:
     """What the rounds of one row gave so far."""
 
     settings: Settings
     film: Film
-    moved: int
     first: float
+    built: float
+    moved: int = 0
     seconds: list[float] = field(default_factory=list)
     processor: list[float] = field(default_factory=list)
+    transfers: list[float] = field(default_factory=list)
     stages: list[Mapping[str, float]] = field(default_factory=list)
     memory: int = 0
 
@@ -138,33 +162,27 @@ def _measure_rows(
     rows: Mapping[str, Mapping[str, Any]],
     rounds: int,
     meter: MeteredRuntime,
-    copied: float,
     figures: Callable[[str, Film], Mapping[str, Any]] | None,
+    brevity: Brevity | None,
 ) -> list[dict[str, Any]]:
     samples: dict[str, _Samples] = {}
     results: dict[str, dict[str, Any]] = {}
-    for row, values in rows.items():  # builds the kernels
+    for row, values in rows.items():
         try:
-            settings = _settings_of(case, values)
-            meter.clear()
-            started = time.perf_counter()
-            film = _render(case, settings, meter)
-            first = time.perf_counter() - started
+            if brevity is not None:
+                taken = {name: of.seconds[0] for name, of in samples.items()}
+                reason = brevity.leave_out(row, taken)
+                if reason is not None:
+                    raise UsageError(reason)
+            samples[row] = _begun(case, _settings_of(case, values), meter, brevity is not None)
         except UsageError as error:
             results[row] = {"name": row, "error": str(error)}
-            continue
-        samples[row] = _Samples(settings, film, moved_bytes(meter, film, settings), first)
     for _ in range(rounds):
         for of in samples.values():
-            clear_peak_memory()
-            started, busy = time.perf_counter(), time.process_time()
-            of.film = _render(case, of.settings, meter)
-            of.seconds.append(time.perf_counter() - started)
-            of.processor.append(time.process_time() - busy)
-            of.stages.append(of.film.timings)
-            of.memory = max(of.memory, peak_memory())
+            if len(of.seconds) < rounds and (brevity is None or sum(of.seconds) < brevity.seconds):
+                _time(case, of, meter)
     for row, of in samples.items():
-        results[row] = {"name": row, **_result(case, of, copied)}
+        results[row] = {"name": row, **_result(case, of, meter.copied)}
         if figures is not None:
             results[row].update(figures(row, of.film))
     base = next((results[row]["median"] for row in rows if row in samples), 1.0)
@@ -173,7 +191,37 @@ def _measure_rows(
     return [results[row] for row in rows]
 
 
-def _render(case: Case, settings: Settings, meter: MeteredRuntime) -> Film:
+def _begun(case: Case, settings: Settings, meter: MeteredRuntime, brief: bool) -> _Samples:
+    """Build the kernels of a row: by a render, or by one of a few pixels and then its first."""
+    meter.clear()
+    started = time.perf_counter()
+    few = (case.width // 2, case.height // 2, min(8, case.width // 2), min(8, case.height // 2))
+    film = _render(case, settings, meter, few if brief and min(few) else None)
+    of = _Samples(settings, film, time.perf_counter() - started, meter.building)
+    if brief:
+        _time(case, of, meter)
+    of.moved = moved_bytes(meter, of.film, settings)
+    return of
+
+
+def _time(case: Case, of: _Samples, meter: MeteredRuntime) -> None:
+    clear_peak_memory()
+    meter.clear()
+    started, busy = time.perf_counter(), time.process_time()
+    of.film = _render(case, of.settings, meter)
+    of.seconds.append(time.perf_counter() - started)
+    of.processor.append(time.process_time() - busy)
+    of.transfers.append(meter.transferring)
+    of.stages.append(of.film.timings)
+    of.memory = max(of.memory, peak_memory())
+
+
+def _render(
+    case: Case,
+    settings: Settings,
+    meter: MeteredRuntime,
+    crop: tuple[int, int, int, int] | None = None,
+) -> Film:
     return mbinterval.render(
         case.scene,
         frame=case.frame,
@@ -181,6 +229,7 @@ def _render(case: Case, settings: Settings, meter: MeteredRuntime) -> Film:
         height=case.height,
         settings=settings,
         device=meter,
+        crop=crop,
     )
 
 
@@ -191,24 +240,27 @@ def _result(case: Case, of: _Samples, copied: float) -> dict[str, Any]:
     spent = statistics.median(
         seconds - sum(s.values()) for seconds, s in zip(of.seconds, of.stages, strict=True)
     )
-    count = of.film.intervals.size * of.settings.samples
+    film = of.film
+    count = film.intervals.size * sample_count(of.settings)
     result = {
         "settings": settings_text(of.settings),
         "first": of.first,
+        "build": of.built,
+        "transfer": statistics.median(of.transfers),
         "median": median,
         "minimum": min(of.seconds),
         "spread": _spread(of.seconds),
         "seconds": of.seconds,
         "processor": statistics.median(of.processor),
         "stages": {**stages, "host": spent},
-        "intervals": float(of.film.intervals.sum(dtype=np.int64)) / count,
+        "intervals": float(film.intervals.sum(dtype=np.int64)) / count,
         "moved": of.moved,
         "bandwidth": of.moved / median / copied,
         "memory": of.memory,
-        **of.film.stats,
+        **film.stats,
     }
     if case.reference is not None:
-        difference = of.film.rgba[..., :3].astype(np.float64) - case.reference
+        difference = film.rgba[..., :3].astype(np.float64) - case.reference
         result["rmse"] = float(np.sqrt(np.mean(difference**2)))
     return result
 

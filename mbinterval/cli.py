@@ -138,7 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     groups = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (run, summary, takes) in COMMANDS.items():
         command = _command(groups, name, run, summary)
-        if takes == "SCENE":
+        if name in ("render", "info"):
             _add_scene_options(command)
         if name == "render":
             _add_output_options(command)
@@ -146,6 +146,10 @@ def _parser() -> argparse.ArgumentParser:
             _add_bench_options(command)
         if name == "compare":
             _add_compare_options(command)
+        if name == "study":
+            _add_study_options(command)
+        if name == "recommend":
+            _add_recommend_options(command)
         command.usage = f"mbinterval {name}{takes and ' '}{takes} [options]"
     return parser
 
@@ -154,6 +158,8 @@ COMMANDS = {
     "render": (commands.render, "render frames of a scene to EXR and PNG", "SCENE"),
     "info": (commands.info, "print what a render would do, and why", "SCENE"),
     "compare": (commands.compare, "measure how far images are from the first", "SOURCE ..."),
+    "study": (commands.study, "measure what accuracy costs in time, and write a report", "SCENE"),
+    "recommend": (commands.recommend, "find settings that reach an error or a time", "SCENE"),
     "bench": (commands.bench, "measure seconds, work and error of the methods", "[SCENE ...]"),
     "devices": (commands.devices, "list the OpenCL devices", ""),
 }
@@ -301,6 +307,82 @@ def _add_compare_options(command: argparse.ArgumentParser) -> None:
     _add_render_options(command)
 
 
+def _add_study_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    _add_case_options(command)
+    add(
+        "-o",
+        "--output",
+        metavar="FOLDER",
+        help="where report, figures and films go, and where a study that was stopped goes on "
+        "[study-SCENE]",
+    )
+    add(
+        "--sweeps",
+        type=_names,
+        metavar="NAMES",
+        help="with commas between them; a wrong name lists all [all]",
+    )
+    add(
+        "--costs",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="measure how time depends on cubes, speed, triangles and effects",
+    )
+    add("--rounds", type=_argument(_rounds), default=3, metavar="COUNT", help="renders of each "
+        "row that takes less than half a second [3]")  # fmt: skip
+    add(
+        "--row-seconds",
+        type=_argument(_above_zero),
+        default=12.0,
+        metavar="SECONDS",
+        help="leave out rows that would take longer [12]",
+    )
+    add(
+        "--reference-error",
+        type=_argument(_above_zero),
+        default=1e-4,
+        metavar="RMSE",
+        help="of the references, where some ten renders reach it [1e-4]",
+    )
+    add(
+        "--references",
+        metavar="FOLDER",
+        help="where references are kept, which take a while to make [in the output folder]",
+    )
+
+
+def _add_recommend_options(command: argparse.ArgumentParser) -> None:
+    _add_case_options(command)
+    wanted = command.add_mutually_exclusive_group(required=True)
+    wanted.add_argument(
+        "--error",
+        type=_argument(_above_zero),
+        metavar="RMSE",
+        help="to reach in the least time, over linear RGB",
+    )
+    wanted.add_argument(
+        "--time",
+        type=_argument(_above_zero),
+        metavar="SECONDS",
+        help="in which to reach the least error, kernels built",
+    )
+
+
+def _add_case_options(command: argparse.ArgumentParser) -> None:
+    """Options of commands that make a reference of one frame."""
+    add = command.add_argument
+    add(
+        "scene",
+        metavar="SCENE",
+        help="scene file, model, or a generated scene with its count, such as fast_cubes:2000",
+    )
+    add("--frame", type=_argument(_frame), metavar="NUMBER", help="which frame [the file's first]")
+    add("--width", type=_argument(_pixels), metavar="PIXELS")
+    add("--height", type=_argument(_pixels), metavar="PIXELS")
+    _add_device_option(command)
+
+
 def _add_bench_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add(
@@ -382,6 +464,18 @@ def _rounds(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 10_000:
         raise UsageError(f"{text!r} is not a whole number from 1 to 10000")
     return int(text)
+
+
+def _above_zero(text: str) -> float:
+    return number(_value(text), "value", above=0.0)
+
+
+def _frame(text: str) -> float:
+    return number(_value(text), "frame")
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",")]
 
 
 def _level(text: str) -> float:

@@ -185,6 +185,20 @@ def compare(arguments: argparse.Namespace) -> None:
         write_result(arguments.json, {"reference": reference.name, "images": found})
 
 
+def study(arguments: argparse.Namespace) -> None:
+    """``mbinterval study``: what accuracy costs in time, in a folder of its own."""
+    from mbinterval.study.commands import run_study
+
+    run_study(arguments)
+
+
+def recommend(arguments: argparse.Namespace) -> None:
+    """``mbinterval recommend``: settings that reach an error, or make the best of a time."""
+    from mbinterval.study.commands import run_recommend
+
+    run_recommend(arguments)
+
+
 def devices(_arguments: argparse.Namespace) -> None:
     """``mbinterval devices``: one line for each device."""
     from mbinterval.device.choose import choose_device

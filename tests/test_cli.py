@@ -202,7 +202,11 @@ def test_bad_settings_and_outputs_exit_2_before_anything_is_rendered(
     ("arguments", "message"),
     [
         (["rendr", "s.toml"], "unknown command 'rendr', did you mean render?"),
-        (["s.toml"], "unknown command 's.toml', known here: render, info, compare, bench, devices"),
+        (
+            ["s.toml"],
+            "unknown command 's.toml', known here: render, info, compare, study, recommend, bench, "
+            "devices",
+        ),
         (["--samples", "4", "render"], "--samples: options come after the command"),
         ([], "the following arguments are required: COMMAND"),
     ],

@@ -10,7 +10,7 @@ import pytest
 
 import mbinterval as mb
 from mbinterval.bench_cases import make_case
-from mbinterval.reference import Reference, converged, fingerprint
+from mbinterval.study.reference import Reference, converged, fingerprint
 
 SCENES = Path(__file__).parents[1] / "scenes"
 NOISY = mb.Settings(samples=2, pattern="sobol")
@@ -60,6 +60,21 @@ def test_an_images_error_is_measured_without_the_references_own():
     assert rms(image - reference.image) > 1.5 * error
     assert reference.error == pytest.approx(0.02 / np.sqrt(2), rel=0.05)
     assert reference.rmse_of(reference.image) == 0.0
+
+
+def test_an_error_below_the_references_own_is_resolved_where_pixels_are_many():
+    """False alarms on images without error are as rare as three standard errors say."""
+    rng = np.random.default_rng(1)
+    truth = rng.random((60, 80, 3))
+    found = {0.0: 0, 0.006: 0}
+    for _ in range(200):
+        halves = truth + rng.normal(0, 0.02, (2, *truth.shape))
+        reference = Reference(halves.astype(np.float32), "simulated")
+        for error in found:
+            image = truth + rng.normal(0, error, truth.shape)
+            found[error] += reference.resolves(image)
+    assert found[0.0] <= 2  # 0.27 expected
+    assert found[0.006] > 190  # less than half of the reference's own error, 0.014
 
 
 def test_an_image_from_elsewhere_is_a_reference_of_unknown_error():
@@ -117,7 +132,7 @@ def test_the_fingerprint_changes_with_all_that_matters(tmp_path, monkeypatch):
         fingerprint(case_of(width=49), NOISY),
         fingerprint(case, dataclasses.replace(NOISY, seed=1)),
     ]
-    from mbinterval import reference
+    from mbinterval.study import reference
 
     root = reference.kernel_root()
     shutil.copytree(root, tmp_path / "cl")

@@ -9,12 +9,21 @@ import numpy as np
 import pytest
 
 import mbinterval as mb
-from mbinterval import study as module
 from mbinterval.bench_cases import make_case
-from mbinterval.reference import Reference
 from mbinterval.settings import Settings
-from mbinterval.study import Truth, pareto, seconds_for, slope, study
-from mbinterval.sweeps import SWEEPS, chosen
+from mbinterval.study import run as module
+from mbinterval.study.judge import Truth, errors, exact_places, fixed_places, make_truth
+from mbinterval.study.reference import Reference
+from mbinterval.study.run import film_name, reference_name, study
+from mbinterval.study.summary import (
+    equal_errors,
+    equal_times,
+    pareto,
+    seconds_for,
+    slope,
+    within,
+)
+from mbinterval.study.sweeps import SWEEPS, chosen
 
 SIZE = (48, 36)
 FEW = ("five-point", "limit")
@@ -62,15 +71,17 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def result(folder):
     told = []
-    names = ("samples", "occlusion", "occlusion-published", *FEW)
+    names = ("samples", "occlusion", "occlusion-published", "stochastic-fixed", "slices")
+    names += FEW
     found = study(
-        case(), truth(), sweeps=names, rounds=1, folder=folder,
+        case(), truth(), sweeps=names, costs=False, rounds=1, folder=folder,
         progress=lambda *so_far: told.append(so_far),
     )  # fmt: skip
     total = sum(len(SWEEPS[name].rows) for name in names)
-    assert [done for done, _total, _left in told][-1] == total
-    assert told[-1][2] == 0.0
-    assert told[0][2] > 0.0
+    assert [part for part, *_ in told] == [*names, ""]
+    assert told[0][1:3] == (0, total)
+    assert told[-1][1:] == (total, total, 0.0)
+    assert all(left > 0.0 for *_, left in told[:-1])
     return found
 
 
@@ -99,13 +110,74 @@ def test_temporal_error_is_apart_from_the_full_pixels(result):
     assert exact["exact"]["temporal"] < 0.5 * published["exact"]["temporal"]
 
 
+def test_point_samples_and_slices_are_judged_in_time_by_exact_time_at_the_same_places(result):
+    for sweep in ("stochastic-fixed", "slices"):
+        for row in result["sweeps"][sweep]["rows"]:
+            values = SWEEPS[sweep].rows[row["name"]]
+            count = values["samples"]
+            if count > 256:
+                assert "temporal" not in row
+                continue
+            options = {"width": SIZE[0], "height": SIZE[1]}
+            film = mb.render(case().scene, settings=mb.Settings(**values), **options)
+            exact = mb.render(case().scene, settings=mb.Settings(samples=count), **options)
+            assert row["temporal"] == pytest.approx(rms(film.rgba[..., :3] - exact.rgba[..., :3]))
+            assert row["temporal"] > 0.0
+    errors_of = [row["temporal"] for row in result["sweeps"]["slices"]["rows"]]
+    assert errors_of[-1] < 0.2 * errors_of[0]
+
+
+def test_rows_say_where_they_sample():
+    assert fixed_places({"method": "analytic", "samples": 7}) == 7
+    assert fixed_places({"method": "stochastic", "samples": 7, "pattern": "fixed"}) == 7
+    assert fixed_places({"method": "accumulation", "samples": 3}) == 3
+    for values in (
+        {"method": "stochastic", "samples": 7},
+        {"method": "analytic", "pattern": "sobol"},
+        {"method": "analytic", "samples": 1, "filter": "five_point"},
+        {"method": "accumulation", "slice_times": "stochastic", "pattern": "sobol"},
+        {"method": "stochastic", "pattern": "fixed", "frameless": 4},
+    ):
+        assert fixed_places(values) is None
+    rows = {
+        "exact": {"samples": 2},
+        "masked": {"samples": 2, "occlusion": 64},
+        "sobol": {"samples": 2, "pattern": "sobol"},
+        "coarse": {"motion_error": 1.0},
+    }
+    assert exact_places(rows) == {"exact": 2}
+
+
+def test_rows_that_would_take_too_long_are_left_out(tmp_path):
+    found = study(case(), truth(), sweeps=["samples"], costs=False, rounds=2, row_seconds=1e-9)
+    rows = found["sweeps"]["samples"]["rows"]
+    assert len(rows[0]["seconds"]) == 2
+    for row in rows[1:]:
+        assert "left out: it would take about" in row["error"]
+
+
+def test_default_references_are_of_another_method_than_what_they_judge(tmp_path):
+    """A still scene costs them nothing, and they agree with each other."""
+    small = make_case("ho17_cubes:20", width=16, height=12)
+    told = []
+    options = {"folder": tmp_path, "error": 3e-3}
+    made = make_truth(small, **options, told=lambda what, *_: told.append(what))
+    assert [of.method for of in made.pixels] == ["stochastic", "analytic"]
+    assert [of.method for of in made.centres] == ["accumulation"]
+    assert set(told) == {"point samples", "exact time", "slices"}
+    assert rms(made.pixels[0].image - made.pixels[1].image) < 0.02
+    again = make_truth(small, **options, told=lambda what, *_: told.append("again"))
+    assert "again" not in told
+    assert np.array_equal(again.pixels[0].halves, made.pixels[0].halves)
+
+
 def test_the_slope_of_a_study_is_that_of_its_rows(result):
     points = [(n, row["rmse"]) for n, row in rows_of(result, "samples").items()]
     assert result["slopes"]["samples"] == pytest.approx(slope(points))
     assert slope([(n, 3.0 * n**-0.75) for n in (1, 2, 4, 8)]) == pytest.approx(-0.75)
 
 
-def test_it_is_stored_as_json_and_csv_with_a_film_of_each_row(result, folder):
+def test_it_is_stored_as_json_and_csv_with_films_of_rows_that_differ_in_a_count(result, folder):
     assert json.loads((folder / "study.json").read_text()) == json.loads(json.dumps(result))
     assert result["complete"]
     with (folder / "study.csv").open(newline="") as file:
@@ -115,8 +187,14 @@ def test_it_is_stored_as_json_and_csv_with_a_film_of_each_row(result, folder):
     for line, row in zip(lines, stored, strict=True):
         assert float(line["rmse"]) == row["rmse"]
         assert float(line["median"]) == row["median"]
-        film = mb.Film.read(folder / module.film_name(row["name"]))
+    pictured = [row for row in stored if "film" in row]
+    assert {row["name"] for row in pictured} >= {"exact, samples 8", "five-point"}
+    assert not any(row["name"].startswith("exact masked") for row in pictured)
+    for row in pictured:
+        film = mb.Film.read(folder / row["film"])
         assert rms(film.rgba[..., :3] - slices(16, 32)) == pytest.approx(row["rmse"], rel=1e-4)
+    reference = mb.Film.read(folder / reference_name("slices"))
+    assert rms(reference.rgba[..., :3] - slices(16, 32)) < 1e-6
 
 
 def test_a_study_that_was_stopped_goes_on(tmp_path, monkeypatch):
@@ -130,7 +208,7 @@ def test_a_study_that_was_stopped_goes_on(tmp_path, monkeypatch):
 
     measure = module.measure
     monkeypatch.setattr(module, "measure", counted)
-    options = {"sweeps": FEW, "rounds": 1, "folder": tmp_path}
+    options = {"sweeps": FEW, "costs": False, "rounds": 1, "folder": tmp_path}
     with pytest.raises(KeyboardInterrupt):
         study(case(), truth(), **options)
     stored = json.loads((tmp_path / "study.json").read_text())
@@ -148,16 +226,19 @@ def test_a_study_that_was_stopped_goes_on(tmp_path, monkeypatch):
 def test_no_method_is_its_own_judge():
     film = mb.render(case().scene, width=SIZE[0], height=SIZE[1])
     own = Reference.of_image(film.rgba, "itself", "analytic")
-    assert module.errors(film, {"method": "analytic"}, Truth([own])) == {}
+    assert errors(film, {"method": "analytic"}, Truth([own])) == {}
     both = Truth([own, *truth().pixels])
-    found = module.errors(film, {"method": "analytic"}, both)
+    found = errors(film, {"method": "analytic"}, both)
     assert found["rmse"] == pytest.approx(rms(film.rgba[..., :3] - slices(16, 32)), rel=1e-4)
+    points = Truth([Reference.of_image(film.rgba, "point samples", "stochastic")])
+    assert errors(film, {"method": "accumulation"}, points) == {}
+    assert errors(film, {"method": "analytic"}, points)["rmse"] == 0.0
 
 
 def test_a_row_that_a_scene_does_not_allow_says_why(tmp_path):
     camera = mb.Camera(position=(0, 0, 9), look_at=(0, 0, 0), f_stop=2.0, focus_distance=9.0)
     lens = dataclasses.replace(case(), scene=dataclasses.replace(case().scene, camera=camera))
-    found = study(lens, truth(), sweeps=["limit"], rounds=1, folder=tmp_path)
+    found = study(lens, truth(), sweeps=["limit"], costs=False, rounds=1, folder=tmp_path)
     for row in found["sweeps"]["limit"]["rows"]:
         assert "lens" in row["error"]
     assert "lens" in (tmp_path / "study.csv").read_text()
@@ -180,6 +261,27 @@ def test_the_pareto_front_has_what_nothing_beats():
     assert pareto(reversed(ROWS)) == pareto(ROWS)
 
 
+def test_the_best_row_within_a_time_is_that_of_least_error():
+    assert within(ROWS, 4.0)["name"] == "between"
+    assert within(ROWS, 3.9)["name"] == "quick"
+    assert within(ROWS, 0.5) is None
+
+
+def test_times_and_errors_that_are_compared_are_such_as_all_series_reach():
+    other = [{"name": "a", "median": 2.0, "rmse": 0.3}, {"name": "b", "median": 9.0, "rmse": 3e-3}]
+    series = {"one": ROWS, "other": other, "none": [{"name": "failed", "error": "why"}]}
+    times = equal_times(series)
+    assert len(times) == 3
+    assert times == sorted(times)
+    for rows in (ROWS, other):
+        assert all(within(rows, seconds) for seconds in times)
+    found = equal_errors(series, 4)
+    assert len(found) == 4
+    assert found == sorted(found, reverse=True)
+    assert all(seconds_for(ROWS, error) for error in found)
+    assert equal_times({}) == equal_errors({}) == []
+
+
 def test_seconds_for_an_error_lie_on_the_front():
     assert seconds_for(ROWS, 0.02) == pytest.approx(4.0)
     assert seconds_for(ROWS, 0.04) == pytest.approx(2.0)  # errors 0.08 at 1 s, 0.02 at 4 s
@@ -190,7 +292,7 @@ def test_seconds_for_an_error_lie_on_the_front():
 
 def test_every_row_of_every_sweep_is_in_order_and_has_a_name_of_its_own():
     names = [name for sweep in SWEEPS.values() for name in sweep.rows]
-    assert len(set(names)) == len(names) == len(set(map(module.film_name, names)))
+    assert len(set(names)) == len(names) == len(set(map(film_name, names)))
     for sweep in SWEEPS.values():
         for values in sweep.rows.values():
             assert sweep.knob in values

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import resource
+import time
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -25,22 +27,56 @@ _FILM_BYTES = 24
 
 
 class MeteredRuntime(Runtime):
-    """A ``Runtime`` that notes the bytes of every named buffer; `clear` before each render."""
+    """A ``Runtime`` that notes what a render needs; `clear` before each.
+
+    Attributes
+    ----------
+    uploaded, allocated
+        Bytes of every named buffer.
+    building
+        Seconds that programs were built in; what a cache on the disk holds takes less.
+    transferring
+        Seconds in which scene and film went to the device and back, without the work before it.
+    """
 
     def __init__(self, device: Any) -> None:
         super().__init__(device)
         self.uploaded: dict[str, int] = {}
         self.allocated: dict[str, int] = {}
+        self.building = self.transferring = 0.0
 
     def clear(self) -> None:
-        """Forget the buffers so far."""
+        """Forget the render so far."""
         self.uploaded.clear()
         self.allocated.clear()
+        self.building = self.transferring = 0.0
+
+    @cached_property
+    def copied(self) -> float:
+        """The device's `copy_bandwidth`, measured when it is first asked for."""
+        return copy_bandwidth(self)
 
     def upload(self, array: NDArray[Any], what: str = "") -> Any:
         """Upload as `Runtime.upload` does, and note the bytes."""
         self.uploaded[what] = max(self.uploaded.get(what, 0), array.nbytes)
-        return super().upload(array, what)
+        started = time.perf_counter()
+        buffer = super().upload(array, what)
+        self.transferring += time.perf_counter() - started
+        return buffer
+
+    def download(self, buffer: Any, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+        """Download as `Runtime.download` does, and note the seconds once the work is done."""
+        self.finish()
+        started = time.perf_counter()
+        array = super().download(buffer, shape, dtype)
+        self.transferring += time.perf_counter() - started
+        return array
+
+    def _build(self, source: str, file: str, options: tuple[str, ...]) -> Any:
+        started = time.perf_counter()
+        program = super()._build(source, file, options)
+        self.building += time.perf_counter() - started
+        return program
 
     def allocate(self, nbytes: int, what: str = "") -> Any:
         """Allocate as `Runtime.allocate` does, and note the bytes."""

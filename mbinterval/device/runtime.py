@@ -145,6 +145,11 @@ class Runtime:
                 cl.enqueue_copy(self.queue, array, buffer)
         return array
 
+    def finish(self) -> None:
+        """Wait until all work that this thread gave the device is done."""
+        with _device_errors("a kernel"):
+            self.queue.finish()
+
     def fill(self, buffer: Any, nbytes: int, value: int = 0) -> None:
         """Set the first ``nbytes`` (a multiple of 4) of ``buffer`` to a repeated 32-bit value."""
         import pyopencl as cl

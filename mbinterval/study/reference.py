@@ -85,9 +85,19 @@ class Reference:
         mean, whatever the halves' noise, where the square of the difference from their mean has
         the reference's own error on top.
         """
+        return math.sqrt(max(0.0, float(np.mean(self._products(image)))))
+
+    def resolves(self, image: NDArray[Any]) -> bool:
+        """Whether `rmse_of` is more than noise: its square is three standard errors above 0.
+
+        That is far below the reference's own error, since noise averages out over the pixels.
+        """
+        by_pixel = self._products(image).mean(axis=2)
+        return bool(by_pixel.mean() > 3.0 * by_pixel.std() / math.sqrt(by_pixel.size))
+
+    def _products(self, image: NDArray[Any]) -> NDArray[np.float64]:
         values = np.asarray(image, np.float64)[..., :3]
-        product = (values - self.halves[0]) * (values - self.halves[-1])
-        return math.sqrt(max(0.0, float(np.mean(product))))
+        return np.asarray((values - self.halves[0]) * (values - self.halves[-1]))
 
 
 def converged(
