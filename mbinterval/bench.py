@@ -82,8 +82,8 @@ def measure(
     less), ``stages`` (medians by stage; ``host`` is the rest), ``ratio`` (to the first row),
     ``tests`` and ``hits`` (exact paths), ``intervals`` (met per sample), ``moved`` (bytes, see
     `mbinterval.device.meter.moved_bytes`), ``bandwidth`` (bytes moved per second over the device's
-    copy bandwidth), ``memory`` (most resident bytes of the process during a render), ``rmse`` (over
-    linear RGB, where there is a reference).
+    copy bandwidth), ``memory`` (most resident bytes of the process during a render), ``buffers``
+    (bytes of the device's named buffers), ``rmse`` (over linear RGB, where there is a reference).
     """
     named = rows if isinstance(rows, Mapping) else {row: _row(row) for row in rows}
     made = isinstance(device, MeteredRuntime)
@@ -150,6 +150,7 @@ class _Samples:
     first: float
     built: float
     moved: int = 0
+    buffers: int = 0
     seconds: list[float] = field(default_factory=list)
     processor: list[float] = field(default_factory=list)
     transfers: list[float] = field(default_factory=list)
@@ -201,6 +202,7 @@ def _begun(case: Case, settings: Settings, meter: MeteredRuntime, brief: bool) -
     if brief:
         _time(case, of, meter)
     of.moved = moved_bytes(meter, of.film, settings)
+    of.buffers = sum(meter.uploaded.values()) + sum(meter.allocated.values())
     return of
 
 
@@ -257,6 +259,7 @@ def _result(case: Case, of: _Samples, copied: float) -> dict[str, Any]:
         "moved": of.moved,
         "bandwidth": of.moved / median / copied,
         "memory": of.memory,
+        "buffers": of.buffers,
         **film.stats,
     }
     if case.reference is not None:

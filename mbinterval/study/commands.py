@@ -18,12 +18,14 @@ from mbinterval.study.judge import Truth, make_truth
 from mbinterval.study.recommend import options, recommend
 from mbinterval.study.report import write_report
 from mbinterval.study.run import Progress, study
+from mbinterval.study.sweeps import chosen
 
 _log = logging.getLogger(__name__)
 
 
 def run_study(arguments: argparse.Namespace) -> None:
     """Make references, measure, and write the report, of a part too after Ctrl-C."""
+    chosen(arguments.sweeps)
     case = _case(arguments)
     folder = Path(arguments.output or f"study-{case.name.replace(':', '-')}")
     prepare_output(folder / "study.json")

@@ -12,8 +12,9 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 66, 206, 14, 50
 PALETTE = (
     *("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9"),
     *("#6a3d9a", "#7f7f7f", "#b15928", "#1b9e9e", "#e6007e", "#444444"),
+    *("#a6d854", "#984ea3", "#f0c000", "#80380f", "#4daf4a", "#001f8b"),
 )
-"""Colours of series; the first eight can be told apart by colour-blind people (Okabe & Ito)."""
+"""Colours of series; the first six can be told apart by colour-blind people (Okabe & Ito)."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,9 @@ from mbinterval.study.summary import slope
 from mbinterval.study.sweeps import ACCUMULATION, EXACT, PUBLISHED, STOCHASTIC
 
 _FLATTEST, _STEEPEST = -0.1, -1.5
-_TRIES = 5
+_TRIES = 6
+_MARGIN = 0.95
+"""What is aimed at after a miss, as a part of what was asked for."""
 
 
 @dataclass(frozen=True)
@@ -59,15 +61,25 @@ CANDIDATES = (
 
 @dataclass(frozen=True)
 class Model:
-    """What probes say of a candidate: error and seconds of any count."""
+    """What probes say of a candidate: error and seconds of any count.
+
+    Attributes
+    ----------
+    points
+        Count, seconds and error of each probe, by count.
+    slower, worse
+        What seconds and errors are multiplied by, since a later measurement said so.
+    """
 
     candidate: Candidate
-    points: tuple[tuple[int, float, float], ...]  # count, seconds, error
+    points: tuple[tuple[int, float, float], ...]
+    slower: float = 1.0
+    worse: float = 1.0
 
     def error(self, count: float) -> float:
         """Predicted RMSE: a power law through the probe of the nearest count."""
         at, _seconds, error = min(self.points, key=lambda point: abs(math.log(point[0] / count)))
-        return float(error * (count / at) ** self.exponent)
+        return float(self.worse * error * (count / at) ** self.exponent)
 
     @property
     def exponent(self) -> float:
@@ -82,10 +94,10 @@ class Model:
         """Predicted seconds: a line through the probes beside the count."""
         counts, taken = zip(*((c, s) for c, s, _ in self.points), strict=True)
         if len(counts) == 1:
-            return float(taken[0])
+            return float(self.slower * taken[0])
         high = min(max(int(np.searchsorted(counts, count)), 1), len(counts) - 1)
         rise = (taken[high] - taken[high - 1]) / (counts[high] - counts[high - 1])
-        return float(taken[high] + max(rise, 0.0) * (count - counts[high]))
+        return float(self.slower * (taken[high] + max(rise, 0.0) * (count - counts[high])))
 
     def count_for(self, error: float | None, seconds: float | None) -> int | None:
         """Least count that reaches ``error``, or the largest within ``seconds``; None without."""
@@ -95,10 +107,11 @@ class Model:
         limit = seconds or 0.0
         return next((count for count in counts[::-1] if self.seconds(count) <= limit), None)
 
-    def with_point(self, count: int, seconds: float, error: float) -> Model:
-        """Return the model with one more measurement, which replaces one of the same count."""
-        points = {point[0]: point for point in self.points} | {count: (count, seconds, error)}
-        return replace(self, points=tuple(points[key] for key in sorted(points)))
+    def mended(self, count: int, seconds: float, error: float) -> Model:
+        """Return the model scaled so that it predicts a measurement."""
+        predicted = self.error(count)  # 0 where a probe was as good as the reference
+        worse = self.worse * error / predicted if predicted > 0.0 else self.worse
+        return replace(self, slower=self.slower * seconds / self.seconds(count), worse=worse)
 
 
 def _counts(most: int) -> list[int]:
@@ -234,8 +247,11 @@ class _Probing:
                 break
             reached = point[2] <= error if error is not None else point[1] <= (seconds or 0.0)
             tried.append(replace(choice, seconds=point[1], error=point[2], reached=reached))
-            model = model.with_point(*point)
-            following = model.count_for(error, seconds)
+            model = model.mended(*point)
+            following = model.count_for(
+                None if error is None else _MARGIN * error,
+                None if seconds is None else _MARGIN * seconds,
+            )
             if reached or following is None or following == count:
                 break
             choice = _choice(model, following)

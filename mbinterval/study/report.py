@@ -114,14 +114,20 @@ def _pictures(
         if colour is not None and errors is not None:
             colours[name], maps[name] = colour, errors
     pictures = [
-        {"name": f"reference by {method}", "told": "", "image": data_uri(colour), "map": ""}
+        {
+            "name": f"reference by {method}",
+            "method": method,
+            "told": "",
+            "image": data_uri(colour),
+            "map": "",
+        }
         for method, colour in gallery.references.items()
     ]
     for name, colour in colours.items():
         row = shown[name]
         told = f"{seconds_text(row['median'])}, RMSE {row['rmse']:.1e}"
         images = {"image": data_uri(colour), "map": map_uri(maps[name])}
-        pictures.append({"name": name, "told": told, **images})
+        pictures.append({"name": name, "method": row["method"], "told": told, **images})
     if not maps:
         return pictures, ""
     return pictures, _strips(picked, gallery, worst_crop(list(maps.values())))

@@ -38,7 +38,17 @@ ROW_SECONDS = 12.0
 AGAIN_SECONDS = 1.5
 _COLUMNS = (
     *("sweep", "series", "row", "settings", "error", "build", "transfer", "median", "minimum"),
-    *("spread", "processor", "intervals", "tests", "hits", "memory", "resolved", *ERRORS),
+    *(
+        "spread",
+        "processor",
+        "intervals",
+        "tests",
+        "hits",
+        "memory",
+        "buffers",
+        "resolved",
+        *ERRORS,
+    ),
 )
 _CURVE_WEIGHT = 6.0
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from mbinterval.study.plots import Axis, Point, Series, bars, plot
+from mbinterval.study.plots import PALETTE, Axis, Point, Series, bars, plot
 from mbinterval.study.summary import (
     equal_errors,
     equal_times,
@@ -21,6 +22,7 @@ Result = Mapping[str, Any]
 
 _SECONDS = Axis("seconds")
 _RMSE = Axis("RMSE over linear RGB")
+_MEMORY = Axis("MB in buffers of the device", log=False)
 
 
 def main_series(result: Result) -> dict[str, list[Any]]:
@@ -96,11 +98,14 @@ def plots(result: Result, series: Mapping[str, Sequence[Any]]) -> str:
         Series("Pareto front", _points(front, "median"), dashed=True, marks=False),
         *(Series(name, _points(rows, "median")) for name, rows in series.items()),
     ]
-    parts = ["<h3>Error against time</h3>", plot(lines, _SECONDS, _RMSE, {"Pareto front": "#000"})]
+    colours = dict(zip(series, itertools.cycle(PALETTE), strict=False))
+    drawn = plot(lines, _SECONDS, _RMSE, {"Pareto front": "#000", **colours})
+    parts = [f"<h3>Error against time</h3>{drawn}"]
     slopes = {result["sweeps"][name]["series"]: value for name, value in result["slopes"].items()}
+    named = {name: f"{name} {slopes[name]:+.2f}" if name in slopes else name for name in series}
     counted = [
         Series(
-            f"{name} {slopes[name]:+.2f}" if name in slopes else name,
+            named[name],
             [Point(row["value"], row["rmse"], _told(row)) for row in rows],
         )
         for name, rows in series.items()
@@ -108,14 +113,14 @@ def plots(result: Result, series: Mapping[str, Sequence[Any]]) -> str:
     ]
     across = Axis("samples per pixel, or slices")
     parts += ["<h3>Error against samples, and the slope of each line</h3>"]
-    parts += [plot(counted, across, _RMSE)]
+    parts += [plot(counted, across, _RMSE, {named[name]: c for name, c in colours.items()})]
     stages = {row["name"]: row["stages"] for rows in series.values() for row in _few(rows)}
     parts += ["<h3>Time by stage</h3>", bars(stages, "s")]
     memory = [
-        Series(name, [Point(row["median"], row["memory"] / 1e6, _told(row)) for row in rows])
+        Series(name, [Point(row["median"], row["buffers"] / 1e6, _told(row)) for row in rows])
         for name, rows in series.items()
     ]
-    parts += ["<h3>Memory</h3>", plot(memory, _SECONDS, Axis("MB of the process", log=False))]
+    parts += ["<h3>Memory</h3>", plot(memory, _SECONDS, _MEMORY, colours)]
     return "".join(parts)
 
 
@@ -187,11 +192,11 @@ def costs(result: Result) -> str:
             lines.append(Series("published without its sort", points, dashed=True))
         parts.append(f"<h3>{escape(curve['title'])}</h3>{plot(lines, across, _SECONDS)}")
         memory = [
-            Series(of, [Point(x, r["memory"] / 1e6) for x, r in rows if r["name"] == of])
+            Series(of, [Point(x, r["buffers"] / 1e6) for x, r in rows if r["name"] == of])
             for of in names
         ]
         if name != "speed":
-            parts.append(plot(memory, across, Axis("MB of the process", log=False)))
+            parts.append(plot(memory, across, _MEMORY))
     note = (
         "<p>Without its sort: the time of the same render less that of its sort stage, which is "
         "what Hong &amp; Oh's figure 16 switches off; the picture would be wrong.</p>"
@@ -225,7 +230,7 @@ def rows(result: Result) -> str:
     """Every row of every sweep."""
     head = (
         *("row", "settings", "seconds", "least", "spread", "processor s", "build s", "transfer s"),
-        *("RMSE", "RMSE in time", "relative MSE", "MAE", "PSNR", "SSIM", "memory MB"),
+        *("RMSE", "RMSE in time", "relative MSE", "MAE", "PSNR", "SSIM", "buffers MB"),
     )
     lines = [_line(row) for sweep in result["sweeps"].values() for row in sweep["rows"]]
     caption = "All rows: medians, kernels built; building and transfer are told apart"
@@ -239,7 +244,7 @@ def _line(row: Mapping[str, Any]) -> list[str]:
     shapes |= {"build": ".2f", "transfer": ".4f", "rmse": ".2e", "temporal": ".2e"}
     shapes |= {"relative_mse": ".2e", "mae": ".2e", "psnr": ".2f", "ssim": ".5f"}
     texts = [format(row[key], shape) if key in row else "" for key, shape in shapes.items()]
-    return [row["name"], row["settings"], *texts, f"{row['memory'] / 1e6:.0f}"]
+    return [row["name"], row["settings"], *texts, f"{row['buffers'] / 1e6:.1f}"]
 
 
 def machine(result: Result) -> str:

@@ -22,7 +22,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], caption: str) -> s
 
 def _cell(text: str) -> str:
     try:
-        float(text.rstrip("%x").replace(",", "") or "text")
+        float(text.rstrip("%*").replace(",", "") or "text")
         kind = ' class="number"'
     except ValueError:
         kind = ""

@@ -53,10 +53,13 @@ function choose() {
 }
 
 function setUpPictures() {
-  for (const [side, first] of [["left", 0], ["right", 1]]) {
+  const left = Math.max(pictures.findIndex((one) => one.told), 0);
+  const other = (one) => one.told && one.method !== pictures[left].method;
+  const right = Math.max(pictures.findIndex(other), 0);
+  for (const [side, first] of [["left", left], ["right", right]]) {
     const select = byId(side);
     for (const picture of pictures) select.add(new Option(picture.name));
-    select.selectedIndex = Math.min(first, pictures.length - 1);
+    select.selectedIndex = first;
     select.addEventListener("change", choose);
   }
   byId("left-image").addEventListener("load", (event) => {
@@ -150,7 +153,7 @@ function setUpPlots() {
 function value(row, column) {
   const text = row.cells[column].textContent.replace("*", "").replaceAll(",", "");
   const figure = parseFloat(text);
-  return /^[+-]?[\d.]+(e[+-]?\d+)?[%x]?$/i.test(text) ? figure : text;
+  return /^[+-]?[\d.]+(e[+-]?\d+)?%?$/i.test(text) ? figure : text;
 }
 
 function compare(a, b) {
