@@ -10,7 +10,6 @@ import mbinterval as mb
 from mbinterval import cli
 from mbinterval.bench_cases import make_case
 from mbinterval.study import recommend as module
-from mbinterval.study.judge import Truth
 from mbinterval.study.recommend import CANDIDATES, Candidate, Model, options, recommend
 
 SIZE = ("--width", "64", "--height", "48")
@@ -60,6 +59,8 @@ def test_a_measurement_scales_the_laws():
     assert found.error(500) == pytest.approx(0.01 * 2**0.75)
     again = found.mended(500, 30.0, 0.05)
     assert (again.seconds(500), again.error(500)) == pytest.approx((30.0, 0.05))
+    assert again.exponent == -1.5  # 0.05 at 500 and 0.01 at 1000 are steeper than is believed
+    assert found.mended(2000, 40.0, 0.01).exponent == 0.0
 
 
 def test_candidates_are_settings_at_all_their_counts():
@@ -90,33 +91,53 @@ def test_an_error_that_is_asked_for_is_reached_and_measured():
 
 def test_a_time_that_is_asked_for_is_used():
     case = make_case("fast_cubes:60", width=64, height=48)
-    best = recommend(case, seconds=0.25)[0]
-    assert best.reached
-    assert best.seconds <= 0.25
+    best = recommend(case, seconds=0.5)[0]
+    assert best.reached == (best.seconds <= 0.5)
     assert best.error < 0.01
+
+
+class Told(module._Probing):
+    """Measures nothing: seconds and errors of each candidate follow a law that it is told."""
+
+    def __init__(self, **laws):
+        self.told, self.laws, self.asked = (lambda _text: None), laws, []
+
+    def measured(self, candidate, count):
+        self.asked.append((candidate.name, count))
+        return count, *self.laws[candidate.name](count)
+
+
+def named(name, points):
+    return model(points, dataclasses.replace(COUNTED, name=name))
 
 
 def test_a_prediction_that_fails_is_mended_by_what_was_measured():
     """The method is worse than its probes: the count that they told is too small."""
-    case = make_case("fast_cubes:5", width=16, height=12)
-
-    class Told(module._Probing):
-        def __init__(self):
-            self.case, self.told, self.truth = case, lambda _text: None, Truth([])
-            self.asked = []
-
-        def measured(self, candidate, count):
-            self.asked.append(count)
-            return count, 0.001 * count, 0.4 * count**-0.5
-
-    run = Told()
-    optimist = model([(4, 0.004, 0.2), (16, 0.016, 0.05), (64, 0.064, 0.0125)])
-    first = module._choice(optimist, optimist.count_for(0.02, None))
-    found = run.mended(optimist, first, 0.02, None)
+    run = Told(one=lambda count: (0.001 * count, 0.4 * count**-0.5))
+    optimist = named("one", [(4, 0.004, 0.2), (16, 0.016, 0.05), (64, 0.064, 0.0125)])
+    (found,) = run.search({"one": optimist}, module._Goal(0.02, of_time=False))
     assert len(run.asked) > 1
     assert found.reached
     assert found.error <= 0.02
-    assert found.settings["samples"] == run.asked[-1] >= 400
+    assert 400 <= found.settings["samples"] <= 500
+
+
+def test_another_method_is_taken_where_one_does_not_keep_what_it_promised():
+    """One is biased: it never gets below an error that its probes do not show."""
+    biased = named("biased", [(1, 0.001, 0.2), (2, 0.002, 0.1), (4, 0.004, 0.05)])
+    slow = named("slow", [(1, 0.1, 0.2), (2, 0.2, 0.1), (4, 0.4, 0.05)])
+    run = Told(
+        biased=lambda count: (0.001 * count, max(0.2 / count, 0.03)),
+        slow=lambda count: (0.1 * count, 0.2 / count),
+    )
+    best, *_ = run.search({"biased": biased, "slow": slow}, module._Goal(0.02, of_time=False))
+    assert best.name == "slow"
+    assert best.reached
+    run.asked.clear()
+    best, *_ = run.search({"biased": biased, "slow": slow}, module._Goal(3.0, of_time=True))
+    assert best.name == "slow"
+    assert best.error == pytest.approx(0.2 / best.settings["samples"])
+    assert best.seconds <= 3.0
 
 
 def test_the_command_prints_what_can_be_run(capsys):

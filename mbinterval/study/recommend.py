@@ -1,8 +1,8 @@
 """Which settings reach an error, or make the best of a time, on a scene: by small probes.
 
 Each method is rendered with few samples. From these its error is taken for a power law of the
-count, and its seconds for a straight line; what is predicted for the best is then measured, and
-the count mended by what was measured until it holds.
+count, and its seconds for a straight line. What is predicted to be the best is then measured, and
+the prediction of its method mended, until nothing better than what was measured is predicted.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from mbinterval.study.summary import slope
 from mbinterval.study.sweeps import ACCUMULATION, EXACT, PUBLISHED, STOCHASTIC
 
 _FLATTEST, _STEEPEST = -0.1, -1.5
-_TRIES = 6
-_MARGIN = 0.95
-"""What is aimed at after a miss, as a part of what was asked for."""
+_TRIES = 8
+_MARGIN = 0.97
+"""What is aimed at, as a part of what was asked for."""
 
 
 @dataclass(frozen=True)
@@ -67,27 +67,33 @@ class Model:
     ----------
     points
         Count, seconds and error of each probe, by count.
-    slower, worse
-        What seconds and errors are multiplied by, since a later measurement said so.
+    later
+        Count and error of later measurements, as they came.
+    slower
+        What seconds are multiplied by, since the last of these said so.
     """
 
     candidate: Candidate
     points: tuple[tuple[int, float, float], ...]
+    later: tuple[tuple[int, float], ...] = ()
     slower: float = 1.0
-    worse: float = 1.0
 
     def error(self, count: float) -> float:
-        """Predicted RMSE: a power law through the probe of the nearest count."""
-        at, _seconds, error = min(self.points, key=lambda point: abs(math.log(point[0] / count)))
-        return float(self.worse * error * (count / at) ** self.exponent)
+        """Predicted RMSE: a power law through the last measurement, or the nearest probe."""
+        probes = [(at, error) for at, _seconds, error in self.points]
+        nearest = min(probes, key=lambda probe: abs(math.log(probe[0] / count)))
+        at, error = self.later[-1] if self.later else nearest
+        return float(error * (count / at) ** self.exponent)
 
     @property
     def exponent(self) -> float:
-        """Of the power law, from the two largest counts; 0 where error does not fall."""
-        points = [(count, error) for count, _, error in self.points[-2:] if error > 0.0]
-        if len(points) < 2:
+        """Of the power law, from two measurements or the largest probes; 0 where it is flat."""
+        probes = [(count, error) for count, _, error in self.points]
+        last = (self.later if len(self.later) > 1 else probes)[-2:]
+        kept = [point for point in last if point[1] > 0.0]
+        if len(kept) < 2:
             return 0.0
-        found = slope(points)
+        found = slope(kept)
         return max(found, _STEEPEST) if found < _FLATTEST else 0.0
 
     def seconds(self, count: float) -> float:
@@ -108,10 +114,9 @@ class Model:
         return next((count for count in counts[::-1] if self.seconds(count) <= limit), None)
 
     def mended(self, count: int, seconds: float, error: float) -> Model:
-        """Return the model scaled so that it predicts a measurement."""
-        predicted = self.error(count)  # 0 where a probe was as good as the reference
-        worse = self.worse * error / predicted if predicted > 0.0 else self.worse
-        return replace(self, slower=self.slower * seconds / self.seconds(count), worse=worse)
+        """Return the model with one more measurement."""
+        slower = self.slower * seconds / self.seconds(count)
+        return replace(self, later=(*self.later, (count, error)), slower=slower)
 
 
 def _counts(most: int) -> list[int]:
@@ -157,8 +162,8 @@ def recommend(
 
     Returns
     -------
-    The best first, measured; then what other methods would take, best predicted first. Empty where
-    no method is predicted to reach it.
+    The best first, measured; then what other methods would take, best predicted first, by what was
+    measured of them on the way. Empty where no method is predicted to reach it.
 
     Raises
     ------
@@ -170,22 +175,37 @@ def recommend(
     target = number(error if seconds is None else seconds, "error or time", above=0.0)
     run = _Probing(case, MeteredRuntime(choose_device(device)), told or (lambda _text: None))
     models = run.models(None if error is None else target)
-    choices = _ranked(models, error, seconds)
-    if not choices:
-        return []
-    best = next(model for model in models if model.candidate.name == choices[0].name)
-    return [run.mended(best, choices[0], error, seconds), *choices[1:]]
+    goal = _Goal(target, of_time=error is None)
+    return run.search({model.candidate.name: model for model in models}, goal)
 
 
-def _ranked(models: Iterable[Model], error: float | None, seconds: float | None) -> list[Choice]:
-    found = []
-    for model in models:
-        count = model.count_for(error, seconds)
-        if count is not None:
-            found.append(_choice(model, count))
-    if error is not None:
-        return sorted(found, key=lambda choice: choice.predicted_seconds)
-    return sorted(found, key=lambda choice: choice.predicted_error)
+@dataclass(frozen=True)
+class _Goal:
+    """An error to reach in the least time, or with ``of_time`` the other way round."""
+
+    limit: float
+    of_time: bool
+
+    def count_for(self, model: Model) -> int | None:
+        aim = _MARGIN * self.limit
+        return model.count_for(*((None, aim) if self.of_time else (aim, None)))
+
+    def reached(self, seconds: float, error: float) -> bool:
+        return (seconds if self.of_time else error) <= self.limit
+
+    def price(self, seconds: float, error: float) -> float:
+        """What is to be least."""
+        return error if self.of_time else seconds
+
+    def measured_price(self, choice: Choice) -> float:
+        return self.price(choice.seconds or 0.0, choice.error or 0.0)
+
+
+def _ranked(models: Iterable[Model], goal: _Goal) -> list[Choice]:
+    """Choices that are predicted to reach the goal, best first."""
+    counts = [(model, goal.count_for(model)) for model in models]
+    found = [_choice(model, count) for model, count in counts if count is not None]
+    return sorted(found, key=lambda one: goal.price(one.predicted_seconds, one.predicted_error))
 
 
 def _choice(model: Model, count: int) -> Choice:
@@ -234,32 +254,45 @@ class _Probing:
         )["scenes"][0]["rows"][0]
         return None if "error" in row else (count, float(row["median"]), float(row["rmse"]))
 
-    def mended(
-        self, model: Model, choice: Choice, error: float | None, seconds: float | None
-    ) -> Choice:
-        """Measure a choice, and where it does not hold the next one that the measurement tells."""
-        tried: list[Choice] = []
+    def search(self, models: dict[str, Model], goal: _Goal) -> list[Choice]:
+        """Measure what is predicted to be best until nothing better is predicted."""
+        tried: dict[tuple[str, int], Choice] = {}
         while len(tried) < _TRIES:
+            ranked = _ranked(models.values(), goal)
+            reached = [choice for choice in tried.values() if choice.reached]
+            best = min(reached, key=goal.measured_price, default=None)
+            if not ranked or (best is not None and not _better(ranked[0], best, goal)):
+                break
+            choice, model = ranked[0], models[ranked[0].name]
             count = int(choice.settings[model.candidate.knob])
+            if (choice.name, count) in tried:
+                break
             self.told(f"{choice.name}, {model.candidate.knob}={count}")
             point = self.measured(model.candidate, count)
             if point is None:
-                break
-            reached = point[2] <= error if error is not None else point[1] <= (seconds or 0.0)
-            tried.append(replace(choice, seconds=point[1], error=point[2], reached=reached))
-            model = model.mended(*point)
-            following = model.count_for(
-                None if error is None else _MARGIN * error,
-                None if seconds is None else _MARGIN * seconds,
+                del models[choice.name]
+                continue
+            held = goal.reached(*point[1:])
+            tried[choice.name, count] = replace(
+                choice, seconds=point[1], error=point[2], reached=held
             )
-            if reached or following is None or following == count:
-                break
-            choice = _choice(model, following)
-        return _best_of(tried) if tried else choice
+            models[choice.name] = model.mended(*point)
+        return self._found(list(tried.values()), _ranked(models.values(), goal), goal)
+
+    def _found(
+        self, tried: Sequence[Choice], ranked: Sequence[Choice], goal: _Goal
+    ) -> list[Choice]:
+        reached = sorted((one for one in tried if one.reached), key=goal.measured_price)
+        best = reached[0] if reached else (tried[-1] if tried else None)
+        if best is None:
+            return list(ranked)
+        return [best, *(choice for choice in ranked if choice.name != best.name)]
 
 
-def _best_of(tried: Sequence[Choice]) -> Choice:
-    return next((choice for choice in tried if choice.reached), tried[-1])
+def _better(predicted: Choice, best: Choice, goal: _Goal) -> bool:
+    """Whether a prediction promises more than what was measured, and is of another method."""
+    price = goal.price(predicted.predicted_seconds, predicted.predicted_error)
+    return predicted.name != best.name and price < goal.measured_price(best)
 
 
 def options(settings: Mapping[str, Any]) -> str:
