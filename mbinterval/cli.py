@@ -16,8 +16,9 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from mbinterval import __version__, commands
-from mbinterval.checks import nearest, number
-from mbinterval.errors import CapacityError, MbintervalError, SceneError, UsageError
+from mbinterval import option_values as values
+from mbinterval.checks import nearest
+from mbinterval.errors import CapacityError, MbintervalError
 from mbinterval.frames import parse_frames, parse_outputs
 from mbinterval.settings import Settings
 
@@ -166,41 +167,43 @@ def _command(groups: Any, name: str, run: Any, summary: str) -> argparse.Argumen
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("scene", metavar="SCENE", help="scene file, or a model such as a .glb")
     model = command.add_argument_group("animation of a model (a scene file has these per object)")
-    model.add_argument("--clip", type=_clip, metavar="NAME", help="clip by name or index [first]")
+    model.add_argument(
+        "--clip", type=values.clip, metavar="NAME", help="clip by name or index [first]"
+    )
     model.add_argument(
         "--fps", type=float, metavar="NUMBER", help="a key at s seconds is at frame s * fps [24]"
     )
     frame = command.add_argument_group("frame (the scene file gives defaults)")
     frame.add_argument(
         "--frames",
-        type=_argument(parse_frames),
+        type=values.argument(parse_frames),
         metavar="RANGE",
         help="7, 1-24, 1-24x2 or 1,5,9-12; write --frames=-5--1 for negative ones",
     )
-    frame.add_argument("--width", type=_argument(_pixels), metavar="PIXELS")
+    frame.add_argument("--width", type=values.argument(values.pixels), metavar="PIXELS")
     frame.add_argument(
         "--height",
-        type=_argument(_pixels),
+        type=values.argument(values.pixels),
         metavar="PIXELS",
         help="with only one of --width and --height the shape is kept",
     )
     shutter = frame.add_mutually_exclusive_group()
     shutter.add_argument(
         "--shutter",
-        type=_argument(_shutter),
+        type=values.argument(values.shutter),
         metavar="OPEN,CLOSE",
         help="in frames relative to the frame; write --shutter=-0.25,0.25 for negative ones",
     )
     shutter.add_argument(
         "--shutter-angle",
-        type=_argument(_shutter_angle),
+        type=values.argument(values.shutter_angle),
         dest="shutter",
         metavar="DEGREES[,PLACE]",
         help="open for DEGREES/360 of a frame; PLACE, centre, start or end, is on the frame",
     )
     frame.add_argument(
         "--crop",
-        type=_argument(_crop),
+        type=values.argument(values.crop),
         metavar="X,Y,W,H",
         help="render only this part of the frame, in pixels from the upper left corner",
     )
@@ -212,7 +215,7 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
         if isinstance(setting.default, bool):
             details: dict[str, Any] = {"action": argparse.BooleanOptionalAction}
         else:
-            details = {"type": _value, "metavar": "VALUE"}
+            details = {"type": values.value, "metavar": "VALUE"}
             text += f" [{str(setting.default).lower()}]"
         settings.add_argument(option, default=argparse.SUPPRESS, help=text, **details)
 
@@ -222,7 +225,7 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         action="append",
-        type=_argument(parse_outputs),
+        type=values.argument(parse_outputs),
         metavar="FILE",
         help="where to write, .exr or .png; #### or %%04d is the frame's number. May be given "
         "several times, or as a list with commas [SCENE.####.exr]",
@@ -247,9 +250,14 @@ def _add_bench_options(command: argparse.ArgumentParser) -> None:
         "fast_cubes:2000 [five generated ones]",
     )
     add("--rows", metavar="NAMES", help="with commas between them; a wrong name lists all")
-    add("--rounds", type=_argument(_rounds), metavar="COUNT", help="renders of each row [7]")
-    add("--width", type=_argument(_pixels), metavar="PIXELS")
-    add("--height", type=_argument(_pixels), metavar="PIXELS")
+    add(
+        "--rounds",
+        type=values.argument(values.rounds),
+        metavar="COUNT",
+        help="renders of each row [7]",
+    )
+    add("--width", type=values.argument(values.pixels), metavar="PIXELS")
+    add("--height", type=values.argument(values.pixels), metavar="PIXELS")
     add(
         "--single-sided",
         action="store_true",
@@ -266,88 +274,11 @@ def _add_bench_options(command: argparse.ArgumentParser) -> None:
     add("--baseline", metavar="FILE", help="compare with an earlier --json")
     add(
         "--tolerance",
-        type=_argument(_tolerance),
+        type=values.argument(values.tolerance),
         metavar="PART",
         help="with --baseline, fail where a row's median is slower by more than this part [0.1]",
     )
     _add_device_option(command)
-
-
-def _argument(parse: Any) -> Any:
-    """Turn a parser's UsageError into argparse's own error, which names the option."""
-
-    def parsed(text: str) -> Any:
-        try:
-            return parse(text)
-        except UsageError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
-    return parsed
-
-
-def _pixels(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 65536:
-        raise UsageError(f"{text!r} is not a whole number from 1 to 65536")
-    return int(text)
-
-
-def _shutter(text: str) -> tuple[float, float]:
-    try:
-        low, high = map(float, text.split(","))
-    except ValueError:
-        raise UsageError(f"{text!r} is not OPEN,CLOSE, two numbers") from None
-    if not low < high:
-        raise UsageError(f"{text!r}: the shutter must open before it closes")
-    return low, high
-
-
-def _shutter_angle(text: str) -> tuple[float, float]:
-    from mbinterval.scene.camera import Shutter
-
-    angle, _, place = text.partition(",")
-    try:
-        shutter = Shutter.from_angle(float(angle), place or "centre")
-    except (ValueError, SceneError):
-        raise UsageError(
-            f"{text!r} is not degrees above 0, or these and centre, start or end, as in 180,start"
-        ) from None
-    return shutter.open, shutter.close
-
-
-def _rounds(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 10_000:
-        raise UsageError(f"{text!r} is not a whole number from 1 to 10000")
-    return int(text)
-
-
-def _tolerance(text: str) -> float:
-    return number(_value(text), "tolerance", low=0.0)
-
-
-def _crop(text: str) -> tuple[int, int, int, int]:
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 4 or not all(part.isdecimal() for part in parts):
-        raise UsageError(f"{text!r} is not X,Y,W,H in whole pixels")
-    x, y, width, height = map(int, parts)
-    if not (width and height):
-        raise UsageError(f"{text!r}: width and height must be 1 or more")
-    return x, y, width, height
-
-
-def _clip(text: str) -> str | int:
-    return int(text) if text.isdecimal() else text
-
-
-def _value(text: str) -> str | int | float | None:
-    """Value of a setting as a scene file would hold it; `Settings` checks it."""
-    if text.lower() == "none":
-        return None
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
 
 
 @contextmanager
