@@ -138,13 +138,17 @@ def _run_paths(work: Work, motion: Motion) -> None:
 
 
 def _path_order(work: Work, motion: Motion) -> Any:
-    """Order in which tiles list their paths: static ones first, exact ones from near to far."""
-    count = len(motion.paths)
+    """Order in which tiles list their paths: static ones first, from near to far.
+
+    Moving ones are listed from near to far too if they are exact; others as they come.
+    """
+    static, count = motion.static_paths, len(motion.paths)
     order = np.arange(count, dtype=np.uint32)
-    if work.plan.exact and count > motion.static_paths:
-        shapes = work.runtime.download(work.buffers["shapes"], (count,), records.SHAPE)
-        near = shapes["near"][motion.static_paths :]
-        order[motion.static_paths :] = motion.static_paths + np.argsort(near, kind="stable")
+    if count:
+        near = work.runtime.download(work.buffers["shapes"], (count,), records.SHAPE)["near"]
+        order[:static] = np.argsort(near[:static], kind="stable")
+        if work.plan.exact:
+            order[static:] = static + np.argsort(near[static:], kind="stable")
     return work.runtime.upload(order, "order")
 
 

@@ -76,9 +76,9 @@ static bool next_row(const Tile *tile, Gather *g)
     }
 }
 
-// Gather the next samples; `bounded` leaves out those that something static lies before. False when
-// there are none left.
-static bool gather_samples(const Tile *tile, Gather *g, bool bounded)
+// Gather the next samples, but for those that something static lies before. False when there are
+// none left.
+static bool gather_samples(const Tile *tile, Gather *g)
 {
     g->waiting = 0;
     for (;;) {
@@ -88,7 +88,7 @@ static bool gather_samples(const Tile *tile, Gather *g, bool bounded)
         for (; g->column <= g->last[g->row]; g->column++) {
             int sample = start + g->column;
 #ifdef STATIC
-            if (bounded && g->shape->near > tile->static_depth[sample]) continue;
+            if (g->shape->near > tile->static_depth[sample]) continue;
 #endif
             Place place = place_of(tile, sample);
             g->samples[g->waiting] = sample;

@@ -1,13 +1,14 @@
 // Stage "place": where the samples of a tile lie, and the point of the lens that each looks
 // through, different in every pixel.
 //
-// The samples of a pixel are Hammersley's points under Owen's nested scrambling (Owen 1995), in four
-// dimensions: y, x, and the two of the lens. Sample l of N lies in row l, so the samples of a layer
-// have nearly the same height in every pixel and rows can be walked; the other three are the Sobol
-// sequence (Joe & Kuo 2008) at the row's index. Of N = 2^k samples each row and each column of an
-// N x N grid holds one, and other pairs of dimensions are nearly as well spread. The fixed pattern
-// takes its lens from the same sequence, in Morton's order of its samples (Ahmed & Wonka 2020).
-// The square of the lens is mapped to a disc (Shirley & Chiu 1997) or to a polygon of blades.
+// The samples of a pixel are Hammersley's points under Owen's nested scrambling (Owen 1995), in
+// four dimensions: y, x, and the two of the lens. Sample l of N lies in row l, so the samples of a
+// layer have nearly the same height in every pixel and rows can be walked; the other three are the
+// Sobol sequence (Joe & Kuo 2008) at the row's index. Of N = 2^k samples each row and each column
+// of an N x N grid holds one, and other pairs of dimensions are nearly as well spread. The fixed
+// pattern takes its lens from the same sequence, in Morton's order of its samples (Ahmed & Wonka
+// 2020). The square of the lens is mapped to a disc (Shirley & Chiu 1997) or to a polygon of
+// blades.
 #include "analytic/tile.h"
 #include "shared/bits.h"
 #include "shared/lens.h"

@@ -138,6 +138,7 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
     tile->depth[pixel] += weight_of(tile, sample) * depth;
 }
 
+// Add what a sample of the piece sees to its pixel.
 static void shade_sample(Tile *tile, int row, int column)
 {
     int sample = row * TILE + column, pixel = row % TILE * TILE + column;
@@ -148,8 +149,9 @@ static void shade_sample(Tile *tile, int row, int column)
 #elif defined(STATIC) // an empty scene has neither
     if (!(tile->static_depth[sample] < INFINITY)) return;
     Span always = {0.0f, 1.0f, 1.0f, tile->static_part[sample] >> PART_BITS};
-    tile->spans[0] = always;
-    add_spans(tile, sample, pixel, tile->spans, 1u);
+    float3 color = span_color(tile, always, place_of(tile, sample), window_of(tile, sample));
+    tile->color[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
+    tile->depth[pixel] += weight_of(tile, sample) * (float)tile->static_depth[sample];
     tile->count[pixel]++;
 #endif
 }

@@ -202,7 +202,7 @@ static bool solve(Tile *tile)
     clear_gather(&g);
     for (uint k = tile->static_count; k < tile->member_count; k++) {
         begin_gather(tile, tile->members[k], &g);
-        while (gather_samples(tile, &g, true))
+        while (gather_samples(tile, &g))
             if (!solve_gathered(tile, &g)) return false;
     }
     return true;
