@@ -80,6 +80,7 @@ static bool nearest(Tile *tile)
     for (uint k = 0; k < tile->static_count; k++) {
         if (k % PATHS_BETWEEN == 0) far = farthest_surface(tile);
         if (tile->shapes[tile->members[k]].near > far) break;
+        fetch_ahead(tile, k);
         begin_gather(tile, tile->members[k], &g);
         while (gather_samples(tile, &g)) nearest_of_gathered(tile, &g);
     }

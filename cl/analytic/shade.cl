@@ -122,6 +122,17 @@ static float3 span_color(const Tile *tile, Span span, Place place, float2 window
     return color;
 }
 
+#define SPANS_AHEAD 4 // spans ahead of which their paths are asked for
+
+static inline void fetch_path(const Tile *tile, uint path)
+{
+    fetch(tile->scene.paths + path);
+#ifdef EXACT
+    global const char *depth = (global const char *)(tile->depths + path);
+    for (int i = 0; i < (int)sizeof(Depth); i += 64) fetch(depth + i);
+#endif
+}
+
 // Add the spans of a sample to its pixel: colour with coverage, and depth.
 static void add_spans(Tile *tile, int sample, int pixel, global const Span *spans, uint count)
 {
@@ -130,6 +141,7 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
     float4 color = 0.0f;
     float depth = 0.0f;
     for (uint i = 0; i < count; i++) {
+        if (i + SPANS_AHEAD < count) fetch_path(tile, span_path(tile, spans[i + SPANS_AHEAD]));
         Span span = spans[i];
         color += span.weight * (float4)(span_color(tile, span, place, window), 1.0f);
         depth += span.weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));

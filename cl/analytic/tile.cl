@@ -37,7 +37,7 @@ enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MAS
        TESTS, HITS,
        COUNTERS };
 
-#ifdef HAS_CYCLE_COUNTER
+#ifdef CLANG_BUILTINS
 #define TICKS() __builtin_readcyclecounter()
 #else
 #define TICKS() 0ul

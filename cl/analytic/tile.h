@@ -76,6 +76,16 @@ typedef struct {
     global uint *count;          // intervals met
 } Tile;
 
+// Ask for a cache line ahead of its use.
+static inline void fetch(global const void *line)
+{
+#ifdef CLANG_BUILTINS
+    __builtin_prefetch((const void *)(size_t)line, 0, 3);
+#else
+    prefetch((global const char *)line, 64);
+#endif
+}
+
 static inline float sample_y(const Tile *tile, int row)
 {
     return (float)(tile->y + row % TILE) + tile->scene.slots[tile->layer + row / TILE].y_low;
