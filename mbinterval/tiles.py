@@ -43,7 +43,7 @@ _TRIANGULATED_POOLS = {
     "sorting": records.SORTING,
     "sorted": records.INTERVAL,
 }
-_SAMPLE_WORDS, _PIXEL_VECTORS, _LANES = 14, 2, 16
+_SAMPLE_WORDS, _PIXEL_VECTORS, _LANES = 18, 2, 16
 _GROWTH = 4
 _SECONDS_AT_A_TIME = 0.5
 _FIRST_LOAD = 100_000  # paths of tiles times samples: a fifth of a second, more or less
