@@ -55,7 +55,7 @@ def render_analytic(
 
     ``progress`` is called now and then with the fraction of the tiles that are done.
     """
-    work = Work(runtime, plan, _upload(runtime, exposure, motion, plan), exposure)
+    work = Work(runtime, plan, upload_scene(runtime, exposure, motion, plan), exposure)
     _run_paths(work, motion)
     listed = _run_bin(work, motion)
     stats = render_tiles(work, listed, progress)
@@ -73,7 +73,9 @@ def render_analytic(
     )
 
 
-def _upload(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) -> dict[str, Any]:
+def upload_scene(
+    runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan
+) -> dict[str, Any]:
     """Buffers of everything that the kernels read, and a few counts."""
     shape = filter_of(plan.settings)
     # Lights are placed relative to the eye, so that they are as exact far from the origin.
@@ -171,7 +173,7 @@ def _run_bin(work: Work, motion: Motion) -> NDArray[np.int64]:
     file, events = "analytic/bin.cl", []
     if chunks:
         events.append(runtime.run(runtime.kernel(file, "bin_count"), chunks, *given))
-    scan = runtime.kernel(file, "bin_scan")
+    scan = runtime.kernel("shared/scan.cl", "bin_scan")
     numbers = np.uint32(tiles), np.uint32(chunks)
     events.append(runtime.run(scan, 1, *numbers, counts, buffers["starts"]))
     starts = runtime.download(buffers["starts"], (tiles + 1,), np.uint32)

@@ -59,6 +59,15 @@ _SETTING_HELP = {
     "motion_error": "greatest path error of chosen motion segments, in pixels",
     "seed": "seed of every pseudo-random choice",
     "transparent": "leave the background out; PNG gets an alpha channel",
+    "cull": "which point samples a path is tested at",
+    "cull_tile": "pixels along the edge of the tiles that culling bounds",
+    "test": "how a point sample is tested: vertices or edges",
+    "shading_rate": "shade every point sample, or once per pixel and triangle",
+    "hybrid": "shade what does not move once per pixel",
+    "frameless": "every n-th pixel sees its own part of the shutter",
+    "slices": "pictures that accumulation averages",
+    "slice_times": "uniform, jittered or stochastic",
+    "statistics": "count samples that were tested and hit",
     "tile_size": "edge of a tile in pixels; it changes speed, never the image",
 }
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbinterval.sampling import filter_of
+from mbinterval.sampling import filter_of, pattern_of
 from mbinterval.settings import Settings
 
 if TYPE_CHECKING:
@@ -64,7 +64,8 @@ def _motion(
 def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     lens = any(np.any(poses.aperture > 0.0) for poses in exposure.cameras.values())
     stop = "the camera has an f_stop" if lens else "the camera is a pinhole"
-    scattered = settings.pattern == "sobol"
+    pattern = pattern_of(settings)
+    scattered = pattern == "sobol"
     shape = filter_of(settings)
     weighted = shape is not None and shape.mass != 1.0
     lobes = f"the {settings.filter} filter has {'' if weighted else 'no '}negative lobes"
@@ -73,7 +74,7 @@ def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     where = "each pixel has its own" if placed else "all pixels have the same"
     return (
         Effect("lens", lens, stop, "LENS"),
-        Effect("scattered samples", scattered, f"pattern={settings.pattern!r}", "SCATTERED"),
+        Effect("scattered samples", scattered, f"pattern={pattern!r}", "SCATTERED"),
         Effect("weighted samples", weighted, lobes, "WEIGHTED"),
         Effect("samples placed by pixel", placed, where, "PLACED"),
         Effect("samples shared by pixels", shared, f"filter={settings.filter!r}", "FIVE_POINT"),

@@ -6,7 +6,7 @@ that had to grow.
 
 from __future__ import annotations
 
-from mbinterval import tiles
+from mbinterval import stochastic, tiles
 from mbinterval.device import records
 from mbinterval.motion import Motion
 from mbinterval.plan import Plan
@@ -18,8 +18,10 @@ _MOTION = ("positions", "jobs", "cameras", "paths", "meshes", "color", "uv", "no
 
 def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
     """Return bytes by kind of buffer, for a device with as many ``workers``."""
-    count = len(motion.paths)
+    count, sampled = len(motion.paths), plan.settings.method != "analytic"
     path = records.SHAPE.itemsize + (records.DEPTH.itemsize if plan.exact else 0) + 4  # their order
+    if sampled:
+        path = records.BOUNDS.itemsize + 16 + 4
     vertices = motion.vertex_count * records.VERTEX.itemsize
     geometry = sum(getattr(motion, name).nbytes for name in _MOTION) + vertices + count * path
     cropped, pixels = plan.crop[2] * plan.crop[3], plan.region[2] * plan.region[3]
@@ -28,11 +30,14 @@ def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
         film += 12 * cropped
     _, _, columns, rows = tiles.tile_grid(plan)
     pool = sum(record.itemsize for record in tiles._pools(plan).values())
+    pools = pool * (plan.capacity + tiles._LANES)
+    if sampled:
+        pools = stochastic.scratch_bytes(plan)
     return {
         "geometry": geometry,
         "textures": sum(_TEXEL * texel_count(texture) for texture in textures_of(motion)),
         "film": film,
-        "pools": pool * (plan.capacity + tiles._LANES) * min(workers, columns * rows),
+        "pools": pools * min(workers, columns * rows),
     }
 
 

@@ -6,19 +6,16 @@ equal renders are equal files.
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 
 from mbinterval import __version__
 from mbinterval.exr import AttributeValue
+from mbinterval.sampling import pattern_of
 from mbinterval.scene.exposure import Exposure
 from mbinterval.scene.model import Scene
 from mbinterval.scene.poses import CameraPoses
 from mbinterval.scene.tracks import Track
 from mbinterval.settings import Settings
-
-_SPEED_ONLY = ("tile_size",)
 
 
 def frame_metadata(
@@ -63,10 +60,9 @@ def frame_metadata(
         metadata["scene"] = scene.name
     if scene.camera is not None and scene.camera.name:
         metadata["camera"] = scene.camera.name
-    for setting in fields(settings):
-        value = getattr(settings, setting.name)
-        if value is not None and setting.name not in _SPEED_ONLY:
-            metadata[f"settings.{setting.name}"] = int(value) if isinstance(value, bool) else value
+    for name, value in (settings.given | {"pattern": pattern_of(settings)}).items():
+        if value is not None:
+            metadata[f"settings.{name}"] = int(value) if isinstance(value, bool) else value
     return metadata
 
 

@@ -76,6 +76,10 @@ def make_plan(
     capacity: int = _POOL_RECORDS,
 ) -> Plan:
     """Plan the render of ``exposure``, laid out as ``motion``."""
+    if settings.method != "analytic":
+        from mbinterval.stochastic_plan import stochastic_plan
+
+        return stochastic_plan(exposure, motion, settings, width, height, crop)
     effects = effects_of(exposure, motion, settings)
     active = {effect.macro for effect in effects if effect.active}
     if "LENS" in active and settings.paths == "triangulated":
@@ -94,7 +98,7 @@ def make_plan(
             sizes["MAX_INTERVALS"] = settings.max_intervals
     if active & {"PHONG", "TEXTURED", "VERTEX_COLOR"}:
         sizes["TEXTURE_SAMPLES"] = settings.texture_samples
-    sizes |= _sampling_sizes(exposure, settings, active)
+    sizes |= sampling_sizes(exposure, settings, active)
     timed = _time_stages(settings) if "MOVING" in active else ()
     return Plan(
         width=width,
@@ -128,10 +132,10 @@ def _around(crop: Crop, width: int, height: int) -> Crop:
     return (left, top, right - left, bottom - top)
 
 
-def _sampling_sizes(
+def sampling_sizes(
     exposure: Exposure, settings: Settings, active: set[str]
 ) -> dict[str, int | str]:
-    """Macros with a value that the effects of sampling, lens and shutter ask for."""
+    """Return macros with a value that the effects of sampling, lens and shutter ask for."""
     sizes: dict[str, int | str] = {}
     shape, camera = filter_of(settings), exposure.camera
     if "SCATTERED" in active and shape is not None:

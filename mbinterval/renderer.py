@@ -54,6 +54,7 @@ def render(
     from mbinterval.motion import lay_out
     from mbinterval.plan import check_crop, make_plan, roll_lines
     from mbinterval.scene.exposure import expose
+    from mbinterval.stochastic import render_stochastic
 
     settings = Settings() if settings is None else settings
     _check_arguments(scene, settings, progress)
@@ -75,7 +76,8 @@ def render(
     motion = lay_out(exposure, width, height)
     plan = make_plan(exposure, motion, settings, width, height, region)
     exposed = time.perf_counter() - started
-    pixels = render_analytic(runtime(device), exposure, motion, plan, progress)
+    run = render_analytic if settings.method == "analytic" else render_stochastic
+    pixels = run(runtime(device), exposure, motion, plan, progress)
     return Film(
         rgba=pixels.rgba,
         depth=pixels.depth,

@@ -200,6 +200,15 @@ def filter_of(settings: Settings) -> PixelFilter | None:
     return pixel_filter(settings.filter, radius)
 
 
+def pattern_of(settings: Settings) -> str:
+    """Return the sampling pattern: where none is given, the one that suits the method."""
+    sampled = settings.method == "stochastic" or settings.slice_times == "stochastic"
+    return settings.pattern or ("sobol" if sampled else "fixed")
+
+
 def slots_of(settings: Settings) -> NDArray[np.void]:
     """Return where each of a pixel's samples may lie, as ``Slot`` records."""
-    return sample_slots(settings.pattern, settings.samples, filter_of(settings))
+    pattern = pattern_of(settings)
+    if settings.method != "analytic" and pattern != "fixed":
+        pattern = "sobol"  # anywhere in the pixel
+    return sample_slots(pattern, settings.samples, filter_of(settings))

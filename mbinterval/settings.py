@@ -12,16 +12,52 @@ from mbinterval.errors import UsageError
 OCCLUSIONS = ("exact", 32, 64, 128, 256, 512, 1024)
 """Ways to decide visibility: exactly, or by a mask of so many bits."""
 
+CULLS = (
+    *("best", "bbox", "hull", "obb", "pixar", "interleave_uvt", "dual_space", "clip_space"),
+    *("clip_space_printed", "trim", "zmax", "zmax_strata"),
+)
+"""Ways to leave out point samples that a path cannot cover."""
+
+PATTERNS: dict[str, tuple[str, ...]] = {
+    "analytic": ("fixed", "sobol"),
+    "stochastic": ("sobol", "jittered", "random", "fixed", "rgss", "interleave_uvt"),
+    "accumulation": ("fixed", "sobol", "jittered", "random"),
+}
+"""Sampling patterns of each method."""
+
+_BELONGS: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("paths", "pairing", "occlusion", "partial_bits"), ("analytic",)),
+    **dict.fromkeys(("max_intervals", "texture_samples", "tile_size"), ("analytic",)),
+    **dict.fromkeys(("cull", "cull_tile", "test"), ("stochastic", "accumulation")),
+    **dict.fromkeys(("shading_rate", "hybrid"), ("stochastic", "accumulation")),
+    **dict.fromkeys(("frameless",), ("stochastic",)),
+    **dict.fromkeys(("slices", "slice_times"), ("accumulation",)),
+}
+"""Settings that are of some methods only."""
+
+_ALL_PATTERNS = tuple(dict.fromkeys(name for names in PATTERNS.values() for name in names))
+_SPEED_ONLY = ("tile_size", "cull", "cull_tile", "statistics")
+
 _CHOICES: dict[str, tuple[str | int, ...]] = {
-    "method": ("analytic",),
+    "method": ("analytic", "stochastic", "accumulation"),
     "paths": ("exact", "triangulated"),
     "pairing": ("time", "depth"),
     "occlusion": OCCLUSIONS,
-    "pattern": ("fixed", "sobol"),
     "filter": ("box", "five_point", "triangle", "gaussian", "blackman_harris", "mitchell"),
     "tile_size": (8, 16, 32),
+    "cull": CULLS,
+    "cull_tile": (1, 2, 4),
+    "test": ("vertices", "edges"),
+    "shading_rate": ("sample", "pixel"),
+    "slice_times": ("uniform", "jittered", "stochastic"),
 }
-_RANGES = {"samples": (1, 256), "texture_samples": (1, 1024), "seed": (0, 2**32 - 1)}
+_RANGES = {
+    "samples": (1, 4096),
+    "texture_samples": (1, 1024),
+    "seed": (0, 2**32 - 1),
+    "frameless": (1, 64),
+    "slices": (1, 4096),
+}
 _RANGES_OR_NONE = {"max_intervals": (1, 2**20), "motion_segments": (1, 4096)}
 
 
@@ -32,7 +68,9 @@ class Settings:
     Attributes
     ----------
     method
-        ``"analytic"``: visibility is solved as time intervals.
+        ``"analytic"``: visibility is solved as time intervals. ``"stochastic"``: it is found at
+        point samples in time, place and lens (Akenine-Möller et al. 2007). ``"accumulation"``: it
+        is the mean of pictures at rest (Haeberli & Akeley 1990).
     paths
         ``"exact"``: the times at which a triangle covers a sample are the roots of its moving
         edges. ``"triangulated"``: the motion path of a triangle is two caps and twelve side
@@ -51,10 +89,16 @@ class Settings:
         Triangulated paths only: keep this many intervals per sample, those of least minimum
         depth; None keeps all. Hong & Oh use 90.
     samples
-        Spatial samples per pixel, 1 to 256. One sample is the pixel's centre.
+        Spatial samples per pixel, 1 to 256. One sample is the pixel's centre. Of the stochastic
+        method: samples in time, place and lens, 1 to 4096. Of accumulation: per slice.
     pattern
         ``"fixed"``: the same well-spread rank-1 lattice in every pixel. ``"sobol"``: a net of
-        its own in every pixel, Owen-scrambled by pixel and ``seed``.
+        its own in every pixel, Owen-scrambled by pixel and ``seed``. Of the stochastic method
+        also ``"jittered"``, ``"random"``, ``"rgss"`` (four samples on a rotated grid, and a
+        filter of eight; Akenine-Möller et al. 2007, 3.2; no lens) and ``"interleave_uvt"``
+        (``4 * samples`` times and lens points for the whole frame; Fatahalian et al. 2009). With
+        "fixed" the stochastic method's times are stratified in each pixel. None is "sobol" for
+        the stochastic method, else "fixed".
     filter, filter_radius
         Pixel filter, ``"box"``, ``"triangle"``, ``"gaussian"`` (radius three standard
         deviations), ``"blackman_harris"`` or ``"mitchell"``, and its radius in pixels; None is
@@ -77,6 +121,27 @@ class Settings:
         Leave the background out of colour; alpha is coverage either way.
     tile_size
         Edge of a square tile in pixels: 8, 16 or 32. It changes speed, never the image.
+    cull
+        Which samples a path is tested at, one of ``CULLS``; it changes speed and counts, never the
+        image, but for ``"clip_space_printed"``, which loses hits (see ``cl/stochastic/cull``).
+        ``"interleave_uvt"`` is for the pattern of that name.
+    cull_tile
+        Bounds of ``cull`` are found for tiles of 1, 2 or 4 pixels along an edge.
+    test
+        Whether a sample is covered: ``"vertices"``, from the vertices at its time (after Laine &
+        Karras 2011), or ``"edges"``, from time-dependent edge functions (Akenine-Möller et al.
+        2007, 3.3.2; no lens).
+    shading_rate
+        ``"sample"``, or ``"pixel"``: once for all samples of a pixel that see one triangle.
+    hybrid
+        Shade what does not move once per pixel, and only what moves at each sample.
+    frameless
+        Every ``frameless``-th pixel sees its own part of the shutter only, 1 to 64 parts.
+    slices, slice_times
+        Pictures that accumulation averages, 1 to 4096, at ``"uniform"`` or ``"jittered"`` times;
+        ``"stochastic"``: each is sampled stochastically over its own part of the shutter.
+    statistics
+        Count the samples that were tested and hit (``Film.stats``); it costs time.
     """
 
     method: str = "analytic"
@@ -86,7 +151,7 @@ class Settings:
     partial_bits: bool = False
     max_intervals: int | None = None
     samples: int = 4
-    pattern: str = "fixed"
+    pattern: str | None = None
     filter: str = "box"
     filter_radius: float | None = None
     texture_samples: int = 16
@@ -95,12 +160,35 @@ class Settings:
     seed: int = 0
     transparent: bool = False
     tile_size: int = 16
+    cull: str = "best"
+    cull_tile: int = 1
+    test: str = "vertices"
+    shading_rate: str = "sample"
+    hybrid: bool = False
+    frameless: int = 1
+    slices: int = 64
+    slice_times: str = "uniform"
+    statistics: bool = False
 
     def __post_init__(self) -> None:
         for name in SETTINGS:
             object.__setattr__(self, name, check_setting(name, getattr(self, name)))
         for conflict in conflicts({name: getattr(self, name) for name in SETTINGS}):
             raise UsageError(conflict.text)
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What the image depends on, by name: the settings of this method, but for speed."""
+        names = [
+            setting.name
+            for setting in fields(self)
+            if self.method in _BELONGS.get(setting.name, (self.method,))
+            and setting.name not in _SPEED_ONLY
+        ]
+        values = {name: getattr(self, name) for name in names}
+        if self.cull == "clip_space_printed":
+            values["cull"] = self.cull
+        return values
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Settings:
@@ -122,6 +210,8 @@ def check_setting(name: str, value: Any) -> Any:
     """
     if name in _CHOICES:
         return choice(value, _CHOICES[name], name)
+    if name == "pattern":
+        return None if value is None else choice(value, _ALL_PATTERNS, name)
     if name in _RANGES:
         return whole_number(value, name, *_RANGES[name])
     if name in _RANGES_OR_NONE:
@@ -144,7 +234,7 @@ class Conflict:
 def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
     """Find settings that don't go together; those not among ``values`` have their defaults."""
     given = {field.name: field.default for field in fields(Settings)} | dict(values)
-    found = []
+    found = [*_conflicts_of_methods(given), *_conflicts_of_samples(given)]
     if given["paths"] == "triangulated" and given["pattern"] == "sobol":
         why = "triangulated paths are rasterized in rows of samples; use pattern='fixed'"
         found.append(("pattern", "paths", why))
@@ -158,8 +248,59 @@ def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
         why = "it is a rule for samples=1 with pattern='fixed'; use filter='box' with more"
         if given["samples"] != 1:
             found.append(("filter", "samples", why))
-        if given["pattern"] != "fixed":
+        if given["pattern"] not in (None, "fixed"):
             found.append(("filter", "pattern", why))
         if given["filter_radius"] is not None:
             found.append(("filter_radius", "filter", "the five-point rule has none"))
     return [Conflict((a, b), f"{a}={given[a]!r} with {b}={given[b]!r}: {c}") for a, b, c in found]
+
+
+def _conflicts_of_methods(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Find settings that the method does not have: two names, and why."""
+    method, found = given["method"], []
+    for field in fields(Settings):
+        owners = _BELONGS.get(field.name, (method,))
+        if given[field.name] != field.default and method not in owners:
+            found.append(
+                (field.name, "method", f"it is for method={' or '.join(map(repr, owners))}")
+            )
+    patterns = PATTERNS[method]
+    if given["pattern"] is not None and given["pattern"] not in patterns:
+        found.append(("pattern", "method", f"that has {', '.join(map(repr, patterns))}"))
+    if method != "stochastic" and given["samples"] > 256:
+        found.append(("samples", "method", "that has 1 to 256"))
+    return found
+
+
+def _conflicts_of_samples(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Likewise for settings of point sampling."""
+    if given["method"] == "analytic":
+        return []
+    found = []
+    if given["filter"] == "five_point":
+        found.append(("filter", "method", "it is for method='analytic'; use filter='box'"))
+    if given["pattern"] == "rgss" and given["samples"] != 4:
+        found.append(("samples", "pattern", "the rotated grid has 4"))
+    if given["pattern"] == "rgss" and given["filter"] != "box":
+        found.append(("filter", "pattern", "the rotated grid has a filter of its own"))
+    if given["pattern"] == "rgss" and given["filter_radius"] is not None:
+        found.append(("filter_radius", "pattern", "the rotated grid has a filter of its own"))
+    if given["cull"] == "interleave_uvt" and given["pattern"] != "interleave_uvt":
+        found.append(("cull", "pattern", "it is for pattern='interleave_uvt'"))
+    if given["cull_tile"] != 1 and given["cull"] == "best":
+        found.append(("cull_tile", "cull", "that has tiles of its own"))
+    if given["hybrid"] is True and given["shading_rate"] == "pixel":
+        found.append(("hybrid", "shading_rate", "nothing is left to it"))
+    if given["method"] == "accumulation":
+        found += _conflicts_of_slices(given)
+    return found
+
+
+def _conflicts_of_slices(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    found = []
+    if given["slice_times"] != "stochastic" and given["pattern"] not in (None, "fixed"):
+        why = "slices at rest have the same samples in every pixel; use slice_times='stochastic'"
+        found.append(("pattern", "slice_times", why))
+    if given["slices"] * given["samples"] > 65536:
+        found.append(("slices", "samples", "at most 65536 samples per pixel together"))
+    return found

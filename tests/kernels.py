@@ -151,7 +151,7 @@ def members_of(
     file, counts = "analytic/bin.cl", np.zeros(tiles * chunks, np.uint32)
     counts = run(file, "bin_count", [*given, counts], items=chunks)[-1]
     scan = [np.uint32(tiles), np.uint32(chunks), counts, np.zeros(tiles + 1, np.uint32)]
-    counts, starts = run(file, "bin_scan", scan)
+    counts, starts = run("shared/scan.cl", "bin_scan", scan)
     entries = np.zeros(starts[-1], np.uint32)
     entries = run(file, "bin_file", [*given, counts, entries], items=chunks)[-1]
     return np.split(entries, starts[1:-1])

@@ -249,7 +249,7 @@ from mbinterval.errors import KernelBuildError
 device = choose_device()
 print("named", pocl_cpu.name_cpu(device))
 try:
-    runtime(device).kernel("analytic/bin.cl", "bin_scan")
+    runtime(device).kernel("shared/scan.cl", "bin_scan")
     print("built")
 except KernelBuildError as error:
     print("failed", str(error).splitlines()[0])

@@ -55,12 +55,24 @@ def test_the_matrices_take_world_points_to_the_camera_at_open_and_close():
     assert "worldToCameraClose" not in still
 
 
+SAMPLED = ("cull", "cull_tile", "test", "shading_rate", "hybrid", "frameless", "slices",
+           "slice_times", "statistics")  # fmt: skip
+"""Settings of methods that draw samples."""
+
+
 def test_what_cannot_change_the_image_is_left_out():
     assert metadata(settings=Settings(tile_size=8)) == metadata(settings=Settings(tile_size=32))
     changed = Settings(paths="triangulated", max_intervals=1, motion_segments=1, filter_radius=1.0)
     given = metadata(settings=changed)
     for setting in dataclasses.fields(Settings):
-        assert (f"settings.{setting.name}" in given) == (setting.name != "tile_size")
+        written = setting.name != "tile_size" and setting.name not in SAMPLED
+        assert (f"settings.{setting.name}" in given) == written
+    sampled = metadata(settings=Settings(method="stochastic", cull="hull", statistics=True))
+    assert sampled == metadata(settings=Settings(method="stochastic"))
+    assert sampled["settings.pattern"] == "sobol"
+    assert "settings.occlusion" not in sampled
+    printed = metadata(settings=Settings(method="stochastic", cull="clip_space_printed"))
+    assert printed["settings.cull"] == "clip_space_printed"
 
 
 def test_a_file_takes_all_of_it_with_the_types_of_the_standard(tmp_path):

@@ -303,9 +303,7 @@ def blur_of(camera: Camera, w: np.ndarray) -> np.ndarray:
     motion = lay_out(expose(Scene(meshes=[mesh], camera=camera), 1.0, 2.0), *SIZE)
     table = np.zeros(motion.vertex_count, records.VERTEX)
     given = [motion.jobs, motion.positions, motion.cameras, table]
-    table = run("shared/vertices.cl", "vertices", given, ["-DEXACT", "-DLENS"], len(motion.jobs))[
-        -1
-    ]
+    table = run("shared/vertices.cl", "vertices", given, ["-DLENS"], len(motion.jobs))[-1]
     return table["circle"] / table["w"]
 
 

@@ -192,7 +192,7 @@ def test_at_least_half_of_the_samples_walked_on_a_fast_dense_sphere_are_hits():
                                                ((2**32 - 1, 5), None)])  # fmt: skip
 def test_more_entries_than_32_bits_hold_are_noticed(counts, total):
     scan = [np.uint32(2), np.uint32(1), np.array(counts, np.uint32), np.zeros(3, np.uint32)]
-    _, starts = run("analytic/bin.cl", "bin_scan", scan)
+    _, starts = run("shared/scan.cl", "bin_scan", scan)
     assert starts[-1] == (records.NONE if total is None else total)
 
 

@@ -134,6 +134,16 @@ typedef struct {
     uint unused[2];     // to two cache lines
 } Depth;
 
+// What a path's vertices say about all samples, for point sampling.
+typedef struct {
+    float near, far; // bounds of w wherever the path is hit
+    float scale;     // power of two that brings the vertices near 1
+    uint flags;      // BOUNDS_*
+} Bounds;
+
+#define BOUNDS_CULLED 1u       // can't be seen at all
+#define BOUNDS_SINGLE_SIDED 2u
+
 // A time interval of an exact path: when it covers a sample, and bounds of its depth then.
 typedef struct {
     float t0, t1, near, far;

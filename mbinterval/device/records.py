@@ -45,6 +45,7 @@ DEPTH = np.dtype(
     [("d", "f8", 4), ("x", "f8", 3), ("y", "f8", 3), ("w", "f8", 3)]
     + [("near", "f4"), ("far", "f4"), ("open", "f4"), ("length", "f4"), ("unused", "u4", 2)]
 )
+BOUNDS = np.dtype([("near", "f4"), ("far", "f4"), ("scale", "f4"), ("flags", "u4")])
 VISIT = np.dtype(
     [("t0", "f4"), ("t1", "f4"), ("near", "f4"), ("far", "f4"), ("path", "u4"), ("next", "i4")]
 )
@@ -83,6 +84,7 @@ BY_NAME = {
     "Light": LIGHT,
     "Shape": SHAPE,
     "Depth": DEPTH,
+    "Bounds": BOUNDS,
     "Visit": VISIT,
     "Fragment": FRAGMENT,
     "Interval": INTERVAL,

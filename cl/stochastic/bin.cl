@@ -1,0 +1,112 @@
+// Stage "bin": which paths may touch which tile. A path's motion is cut into sixteen parts in time, and
+// in each the box of its vertices' ways bounds it on screen.
+//
+// Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in the order
+// given, in any run and on any number of threads.
+#include "shared/records.h"
+#include "shared/lanes.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+#define TILE 16
+
+typedef struct {
+    int x, y;          // first pixel of the first tile
+    int columns, rows; // tiles
+    uint paths;
+    uint chunk;        // paths per work-item
+    float low, high;   // where samples lie, relative to their pixels
+} Grid;
+
+// Bounds on screen in each part, in pixels from the first of the grid; everywhere where they reach
+// behind the eye.
+typedef struct {
+    Lanes left, right, top, bottom;
+} Boxes;
+
+static Boxes boxes_of(global const Vertex *vertices, Path path, Grid grid)
+{
+    const uint corner[3] = {path.a, path.b, path.c};
+    Boxes boxes = {INFINITY, -INFINITY, INFINITY, -INFINITY};
+    LaneMask behind = 0;
+    for (int i = 0; i < 3; i++) {
+        Vertex q = vertices[corner[i]], r = vertices[corner[i] + path.step];
+        double size = exp2(-floor(log2(fmax(fmax(fabs(q.w), fabs(r.w)), 1e-37))));
+        float x = (float)(size * (q.x - grid.x * q.w)), y = (float)(size * (q.y - grid.y * q.w));
+        float dx = (float)(size * (r.x - grid.x * r.w)) - x, dy = (float)(size * (r.y - grid.y * r.w)) - y;
+        float w = (float)(size * q.w), dw = (float)(size * r.w) - w;
+        float slack = 0x1p-18f * (fabs(x) + fabs(dx) + fabs(y) + fabs(dy));
+        float circle = 0.0f;
+#ifdef LENS
+        circle = (float)(size * fmax(fabs(q.circle), fabs(r.circle))) * (1.0f + 1e-6f);
+#endif
+        for (int end = 0; end < 2; end++) {
+            Lanes t = (LANE_INDEX + (float)end) * (1.0f / LANES);
+            Lanes now = w + t * dw, over = 1.0f / now, blur = (circle + slack) * over + 1e-3f;
+            Lanes px = (x + t * dx) * over, py = (y + t * dy) * over;
+            behind |= !(now > 1e-6f);
+            boxes.left = lanes_min(boxes.left, px - blur), boxes.right = lanes_max(boxes.right, px + blur);
+            boxes.top = lanes_min(boxes.top, py - blur), boxes.bottom = lanes_max(boxes.bottom, py + blur);
+        }
+    }
+    boxes.left = behind ? (Lanes)(-INFINITY) : boxes.left;
+    boxes.right = behind ? (Lanes)(INFINITY) : boxes.right;
+    boxes.top = behind ? (Lanes)(-INFINITY) : boxes.top;
+    boxes.bottom = behind ? (Lanes)(INFINITY) : boxes.bottom;
+    return boxes;
+}
+
+static inline float least(Lanes a)
+{
+    float8 b = a.lo < a.hi ? a.lo : a.hi;
+    float4 c = b.lo < b.hi ? b.lo : b.hi;
+    return fmin(fmin(c.x, c.y), fmin(c.z, c.w));
+}
+
+// Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
+static void bin_chunk(global const Vertex *vertices, global const Path *paths,
+                      global const Bounds *bounds, global const uint *order, Grid grid, uint chunk,
+                      global uint *place, global uint *entries)
+{
+    uint begin = chunk * grid.chunk, end = min(begin + grid.chunk, grid.paths);
+    // A pixel's samples lie from `low` to `high` of it: a tile's from low to TILE - 1 + high.
+    float after = TILE - 1 + grid.high;
+    for (uint i = begin; i < end; i++) {
+        if (bounds[order[i]].flags & BOUNDS_CULLED) continue;
+        Boxes boxes = boxes_of(vertices, paths[order[i]], grid);
+        float top = ceil((least(boxes.top) - after) / TILE);
+        float bottom = floor((-least(-boxes.bottom) - grid.low) / TILE);
+        int first = (int)fmin(fmax(top, 0.0f), (float)grid.rows);
+        int last = (int)fmax(fmin(bottom, grid.rows - 1.0f), -1.0f);
+        for (int row = first; row <= last; row++) {
+            LaneMask in = (boxes.top <= row * TILE + after) & (boxes.bottom >= row * TILE + grid.low);
+            float left = ceil((least(in ? boxes.left : (Lanes)(INFINITY)) - after) / TILE);
+            float right = floor((-least(in ? -boxes.right : (Lanes)(INFINITY)) - grid.low) / TILE);
+            int from = (int)fmin(fmax(left, 0.0f), (float)grid.columns);
+            int to = (int)fmax(fmin(right, grid.columns - 1.0f), -1.0f);
+            for (int column = from; column <= to; column++) {
+                uint at = place[row * grid.columns + column]++;
+                if (entries != 0) entries[at] = order[i];
+            }
+        }
+    }
+}
+
+kernel void bin_count(global const Vertex *vertices, global const Path *paths,
+                      global const Bounds *bounds, global const uint *order, Grid grid,
+                      global uint *counts)
+{
+    uint tiles = grid.columns * grid.rows;
+    global uint *place = counts + (size_t)get_global_id(0) * tiles;
+    for (uint i = 0; i < tiles; i++) place[i] = 0;
+    bin_chunk(vertices, paths, bounds, order, grid, get_global_id(0), place, 0);
+}
+
+kernel void bin_file(global const Vertex *vertices, global const Path *paths,
+                     global const Bounds *bounds, global const uint *order, Grid grid,
+                     global uint *places, global uint *entries)
+{
+    uint tiles = grid.columns * grid.rows;
+    bin_chunk(vertices, paths, bounds, order, grid, get_global_id(0),
+              places + (size_t)get_global_id(0) * tiles, entries);
+}

@@ -1,0 +1,34 @@
+// Culling method "bbox": every sample of the pixels that the path's box on screen touches is tested.
+#include "stochastic/cull/box.h"
+
+typedef struct {
+    Box box;
+} Cull;
+
+typedef struct {
+    int unused;
+} Bounded;
+
+static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
+{
+    Stratum everything = EVERYTHING;
+    cull->box = screen_box(m, &everything);
+    return true;
+}
+
+static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+                             Bounded *bounded)
+{
+    Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
+    bounded->unused = 0;
+    return tiles_in_box(&cull->box, x, y, tile_half(tile));
+}
+
+static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                    const Bounded *bounded, const Samples *s, Lanes tau, int slab,
+                                    LaneMask mask)
+{
+    return mask;
+}
+
+#include "stochastic/cull/scan.h"

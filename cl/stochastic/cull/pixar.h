@@ -1,0 +1,64 @@
+// Culling method "pixar": time and lens are cut into STRATA_U x STRATA_V x STRATA_T parts; a sample is
+// tested when the box of its part touches its pixel (Cook et al. 1990, without the pairing of strata:
+// "modified Pixar" of Laine et al. 2011, 2).
+#include "stochastic/cull/box.h"
+
+#define STRATA (STRATA_U * STRATA_V * STRATA_T)
+
+typedef struct {
+    Box box, boxes[STRATA];
+} Cull;
+
+typedef struct {
+    Lanes x, y;
+} Bounded;
+
+static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
+{
+    Stratum everything = EVERYTHING;
+    cull->box = screen_box(m, &everything);
+    for (int k = 0; k < STRATA; k++) {
+        int u = k % STRATA_U, v = k / STRATA_U % STRATA_V, t = k / (STRATA_U * STRATA_V);
+        // Times of the shutter, in those of the segment.
+        float from = ((float)t / STRATA_T - m->open) * m->rate;
+        float to = ((t + 1.0f) / STRATA_T - m->open) * m->rate;
+        Stratum s = {{clamp(from - 1e-6f * m->rate, 0.0f, 1.0f), clamp(to + 1e-6f * m->rate, 0.0f, 1.0f)},
+                     {2.0f * u / STRATA_U - 1.0f, 2.0f * (u + 1) / STRATA_U - 1.0f},
+                     {2.0f * v / STRATA_V - 1.0f, 2.0f * (v + 1) / STRATA_V - 1.0f}};
+        cull->boxes[k] = screen_box(m, &s);
+    }
+    return true;
+}
+
+static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+                             Bounded *bounded)
+{
+    bounded->x = tile_middle(tile, block_x(block)), bounded->y = tile_middle(tile, block_y(block));
+    return tiles_in_box(&cull->box, bounded->x, bounded->y, tile_half(tile));
+}
+
+static inline int16 stratum_along(Lanes place, int count)
+{
+    return convert_int16(lanes_min(lanes_max(place * (float)count, (Lanes)(0.0f)), (Lanes)(count - 1.0f)));
+}
+
+static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                    const Bounded *bounded, const Samples *s, Lanes tau, int slab,
+                                    LaneMask mask)
+{
+    int16 stratum = stratum_along(s->t, STRATA_T) * (STRATA_U * STRATA_V);
+#ifdef LENS
+    stratum += stratum_along(0.5f * s->u + 0.5f, STRATA_U);
+    stratum += stratum_along(0.5f * s->v + 0.5f, STRATA_V) * STRATA_U;
+#endif
+    float left[LANES], right[LANES], top[LANES], bottom[LANES];
+    for (int i = 0; i < LANES; i++) {
+        const Box *box = cull->boxes + ((int *)&stratum)[i];
+        left[i] = box->left, right[i] = box->right, top[i] = box->top, bottom[i] = box->bottom;
+    }
+    float size = tile_half(tile);
+    return mask & (bounded->x + size >= vload16(0, left)) & (bounded->x - size <= vload16(0, right))
+           & (bounded->y + size >= vload16(0, top)) & (bounded->y - size <= vload16(0, bottom));
+}
+
+#include "stochastic/cull/scan.h"

@@ -1,0 +1,40 @@
+// How the published methods go over a tile: path by path, and for each block of pixels slab by slab.
+//
+// A method's file defines what it knows of a path (Cull), of the pixels of a block (Bounded), and
+//     begin_path    what is found once per path; false if nothing of it can be hit
+//     bound_pixels  pixels that the path may touch, and bounds for their samples
+//     keep_samples  which samples of a slab lie within these bounds
+// Samples at times of other motion segments are never tested.
+#ifndef MB_SCAN_H
+#define MB_SCAN_H
+
+#include "stochastic/test.h"
+
+static void scan_block(Tile *tile, const Moving *m, const Cull *cull, int block)
+{
+    Bounded bounded;
+    LaneMask pixels = bound_pixels(tile, m, cull, block, &bounded);
+    if (!any_lane(pixels)) return;
+    for (int slab = 0; slab < tile->slabs; slab++) {
+        Samples s = load_samples(tile, sample_index(slab, block));
+        Lanes tau = time_in_segment(m, s.t);
+        LaneMask mask = pixels & in_segment(m, s.t);
+#ifdef STATISTICS
+        tile->statistics.visited += count_lanes(mask);
+#endif
+        mask = keep_samples(tile, m, cull, &bounded, &s, tau, slab, mask);
+        if (any_lane(mask)) test_samples(tile, m, slab, block, mask);
+    }
+}
+
+static void sample(Tile *tile)
+{
+    for (uint k = 0; k < tile->member_count; k++) {
+        Moving m = load_moving(tile, tile->members[k]);
+        Cull cull;
+        if (!begin_path(tile, &m, &cull)) continue;
+        for (int block = 0; block < BLOCKS; block++) scan_block(tile, &m, &cull, block);
+    }
+}
+
+#endif

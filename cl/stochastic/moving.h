@@ -1,0 +1,224 @@
+// A moving triangle in the coordinates of a tile, and whether it covers a sample: the one test that all
+// culling methods share, so that they give the same bits.
+//
+// At a sample (x, y, t, u, v) the vertices are those of time t, seen from the point (u, v) of the lens
+// and shifted to the sample: p = (X w - x w, Y w - y w), from which the edge functions are three cross
+// products (after Laine & Karras 2011: about 25 multiply-adds; the report was not at hand). Where all
+// are of one sign the sample lies in the triangle or in its mirror image behind the eye; the depth,
+// sum of e_i w_i over sum of e_i, tells which by its sign.
+//
+// TEST_EDGES has time-dependent edge functions instead (Akenine-Moeller et al. 2007, 3.3.2), a t^2 + b t + c
+// for each coefficient, of vertices in order of position; they know no lens.
+//
+// Faces at a shared edge find the same vertices, in one tile, bit by bit. The sign of a difference of
+// two rounded products is never wrong, but may be lost; then it is decided in double precision, where
+// a product of two floats is exact. An edge that runs through the sample is decided as if the sample
+// lay at (x + eps, y + eps^2). So a closed sheet covers each sample once, by exact rules for the
+// rounded vertices.
+#ifndef MB_MOVING_H
+#define MB_MOVING_H
+
+#include "stochastic/tile.h"
+
+typedef struct {
+    float x[3], y[3], w[3];    // at the start of the segment, scaled
+    float dx[3], dy[3], dw[3]; // from there to its end
+#ifdef LENS
+    float c[3], dc[3];         // circle of confusion
+#endif
+#ifdef TEST_EDGES
+    float edge[3][3][3];       // of edge i, factor of x, y and 1, the coefficients of 1, tau and tau^2
+#endif
+    float open, close, rate;   // of its motion segment, in the shutter; one over its length
+    float size;                // to undo the scale
+    float slack;               // more than the rounding of x and y
+    float near;
+    uint path;
+    bool single_sided;
+} Moving;
+
+// Sixteen samples.
+typedef struct {
+    Lanes x, y, t;
+#ifdef LENS
+    Lanes u, v;
+#endif
+} Samples;
+
+static inline Samples load_samples(const Tile *tile, int index)
+{
+    Samples s;
+    s.x = load(tile->xs, index), s.y = load(tile->ys, index), s.t = load(tile->ts, index);
+#ifdef LENS
+    s.u = load(tile->us, index), s.v = load(tile->vs, index);
+#endif
+    return s;
+}
+
+#ifdef TEST_EDGES
+static bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
+{
+    if (p0.x != q0.x) return p0.x < q0.x;
+    if (p0.y != q0.y) return p0.y < q0.y;
+    if (p0.z != q0.z) return p0.z < q0.z;
+    if (p1.x != q1.x) return p1.x < q1.x;
+    if (p1.y != q1.y) return p1.y < q1.y;
+    return p1.z < q1.z;
+}
+
+// Coefficients of the edge from vertex i + 1 to vertex i + 2; q and r are the vertices' two ends.
+static void edge_over_time(const double3 *q, const double3 *r, int i, float coefficient[3][3])
+{
+    int a = (i + 1) % 3, b = (i + 2) % 3;
+    bool reversed = comes_before(q[b], r[b], q[a], r[a]);
+    if (reversed) a = b, b = (i + 1) % 3;
+    double3 h = cross(q[a], q[b]), end = cross(r[a], r[b]), m = cross(q[a], r[b]) + cross(r[a], q[b]);
+    double3 g = m - 2.0 * h, f = h - m + end;
+    double sign = reversed ? -1.0 : 1.0;
+    const double3 terms[3] = {sign * h, sign * g, sign * f};
+    for (int k = 0; k < 3; k++) {
+        coefficient[0][k] = (float)terms[k].x, coefficient[1][k] = (float)terms[k].y;
+        coefficient[2][k] = (float)terms[k].z;
+    }
+}
+
+// Edge function i at the samples.
+static inline Lanes edge_at(const Moving *m, int i, const Samples *s, Lanes tau)
+{
+    Lanes factor[3];
+    for (int k = 0; k < 3; k++) {
+        const float *c = m->edge[i][k];
+        factor[k] = fma(fma(tau, (Lanes)(c[2]), (Lanes)(c[1])), tau, (Lanes)(c[0]));
+    }
+    return fma(s->x, factor[0], fma(s->y, factor[1], factor[2]));
+}
+#endif
+
+static Moving load_moving(const Tile *tile, uint index)
+{
+    Moving m;
+    Path path = tile->scene.paths[index];
+    Bounds bounds = tile->bounds[index];
+    const uint corner[3] = {path.a, path.b, path.c};
+    const double scale = bounds.scale, x = tile->x + HALF, y = tile->y + HALF;
+    float most = 0.0f;
+#ifdef TEST_EDGES
+    double3 start[3], end[3];
+#endif
+    for (int i = 0; i < 3; i++) {
+        Vertex q = tile->scene.vertices[corner[i]], r = tile->scene.vertices[corner[i] + path.step];
+        float x1 = (float)(scale * (r.x - x * r.w)), y1 = (float)(scale * (r.y - y * r.w));
+        float w1 = (float)(scale * r.w);
+        m.x[i] = (float)(scale * (q.x - x * q.w)), m.y[i] = (float)(scale * (q.y - y * q.w));
+        m.w[i] = (float)(scale * q.w);
+        m.dx[i] = x1 - m.x[i], m.dy[i] = y1 - m.y[i], m.dw[i] = w1 - m.w[i];
+        most = fmax(most, fmax(fmax(fabs(m.x[i]), fabs(x1)), fmax(fabs(m.y[i]), fabs(y1))));
+        most = fmax(most, 2.0f * HALF * fmax(fabs(m.w[i]), fabs(w1)));
+#ifdef TEST_EDGES
+        start[i] = scale * (double3)(q.x - x * q.w, q.y - y * q.w, q.w);
+        end[i] = scale * (double3)(r.x - x * r.w, r.y - y * r.w, r.w);
+#endif
+#ifdef LENS
+        float c1 = (float)(scale * r.circle);
+        m.c[i] = (float)(scale * q.circle);
+        m.dc[i] = c1 - m.c[i];
+        most = fmax(most, fmax(fabs(m.c[i]), fabs(c1)));
+#endif
+    }
+#ifdef TEST_EDGES
+    for (int i = 0; i < 3; i++) edge_over_time(start, end, i, m.edge[i]);
+#endif
+    m.open = path.open, m.close = path.close, m.rate = 1.0f / path_length(path);
+    m.size = 1.0f / bounds.scale;
+    m.slack = 0x1p-19f * most;
+    m.near = bounds.near;
+    m.path = index;
+    m.single_sided = bounds.flags & BOUNDS_SINGLE_SIDED;
+    return m;
+}
+
+// Place of a time of the shutter in the segment.
+static inline Lanes time_in_segment(const Moving *m, Lanes t) { return (t - m->open) * m->rate; }
+
+// Segments are half-open, but the shutter's last moment belongs to its last one.
+static inline LaneMask in_segment(const Moving *m, Lanes t)
+{
+    return (t >= m->open) & ((t < m->close) | (LaneMask)(m->close >= 1.0f ? -1 : 0));
+}
+
+// Vertex i of the triangle at time tau, relative to the samples.
+static inline Lanes3 vertex_at(const Moving *m, int i, const Samples *s, Lanes tau)
+{
+    Lanes3 p;
+    p.z = fma(tau, (Lanes)(m->dw[i]), (Lanes)(m->w[i]));
+    p.x = fma(tau, (Lanes)(m->dx[i]), (Lanes)(m->x[i]));
+    p.y = fma(tau, (Lanes)(m->dy[i]), (Lanes)(m->y[i]));
+#ifdef LENS
+    Lanes circle = fma(tau, (Lanes)(m->dc[i]), (Lanes)(m->c[i]));
+    p.x = fma(s->u, circle, p.x);
+    p.y = fma(s->v, circle, p.y);
+#endif
+    p.x = fma(-s->x, p.z, p.x);
+    p.y = fma(-s->y, p.z, p.y);
+    return p;
+}
+
+static inline Lanes edge_of(Lanes3 a, Lanes3 b) { return a.x * b.y - b.x * a.y; }
+
+// Sign, or 0 for a degenerate edge, of an edge function that float32 has as zero.
+static int exact_sign(double3 a, double3 b)
+{
+    double p = a.x * b.y, q = b.x * a.y;
+    if (p == q) p = b.z * a.y, q = a.z * b.y; // along x
+    if (p == q) p = b.x * a.z, q = a.x * b.z; // along y
+    return (p > q) - (p < q);
+}
+
+// Those of the lanes in which one edge function is zero that are hits nevertheless.
+static LaneMask exact_hits(LaneMask unsure, const Lanes3 *p, bool single_sided)
+{
+    float v[9][LANES];
+    int mask[LANES];
+    for (int i = 0; i < 3; i++)
+        vstore16(p[i].x, 0, v[3 * i]), vstore16(p[i].y, 0, v[3 * i + 1]), vstore16(p[i].z, 0, v[3 * i + 2]);
+    vstore16(unsure, 0, mask);
+    for (int k = 0; k < LANES; k++) {
+        if (!mask[k]) continue;
+        double3 q[3];
+        for (int i = 0; i < 3; i++) q[i] = (double3)(v[3 * i][k], v[3 * i + 1][k], v[3 * i + 2][k]);
+        int a = exact_sign(q[1], q[2]), b = exact_sign(q[2], q[0]), c = exact_sign(q[0], q[1]);
+        mask[k] = a == b && b == c && (single_sided ? a < 0 : a != 0) ? -1 : 0;
+    }
+    return vload16(0, mask);
+}
+
+// Which of the samples in `mask` the triangle covers, and its depth there.
+static inline LaneMask covered(const Moving *m, const Samples *s, LaneMask mask, Lanes *depth)
+{
+    Lanes tau = time_in_segment(m, s->t);
+    Lanes3 p[3];
+    for (int i = 0; i < 3; i++) p[i] = vertex_at(m, i, s, tau);
+#ifdef TEST_EDGES
+    Lanes e0 = edge_at(m, 0, s, tau), e1 = edge_at(m, 1, s, tau), e2 = edge_at(m, 2, s, tau);
+#else
+    Lanes e0 = edge_of(p[1], p[2]), e1 = edge_of(p[2], p[0]), e2 = edge_of(p[0], p[1]);
+#endif
+    Lanes least = lanes_min(lanes_min(e0, e1), e2), most = lanes_max(lanes_max(e0, e1), e2);
+#ifdef SINGLE_SIDED
+    mask &= m->single_sided ? most <= 0.0f : (least >= 0.0f) | (most <= 0.0f);
+#else
+    mask &= (least >= 0.0f) | (most <= 0.0f);
+#endif
+    mask &= in_segment(m, s->t);
+    if (!any_lane(mask)) return mask;
+    LaneMask unsure = mask & ((least == 0.0f) | (most == 0.0f));
+    if (any_lane(unsure)) mask = (mask & ~unsure) | exact_hits(unsure, p, m->single_sided);
+    Lanes w = (e0 * p[0].z + e1 * p[1].z + e2 * p[2].z) / ((e0 + e1) + e2);
+    Lanes low = lanes_min(lanes_min(p[0].z, p[1].z), p[2].z);
+    Lanes high = lanes_max(lanes_max(p[0].z, p[1].z), p[2].z);
+    mask &= w > 0.0f; // not 0 by 0 either
+    *depth = lanes_min(lanes_max(w, low), high) * m->size;
+    return mask;
+}
+
+#endif

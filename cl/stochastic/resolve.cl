@@ -1,0 +1,73 @@
+// Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and count.
+#include "stochastic/tile.h"
+
+typedef struct {
+    int x, y;           // first pixel of the film in the frame
+    int width, height;
+    float background[3];
+} Frame;
+
+// Background behind a pixel's mean colour.
+static float4 over_background(float4 color, size_t out, const Frame *frame,
+                              global const float *background)
+{
+#ifndef TRANSPARENT
+#ifdef BACKGROUND_IMAGE
+    float3 behind = vload3(out, background);
+#else
+    float3 behind = (float3)(frame->background[0], frame->background[1], frame->background[2]);
+#endif
+    color.xyz += (1.0f - color.w) * behind;
+#endif
+    return color;
+}
+
+#ifdef WEIGHTED
+// A filter with negative lobes: samples weigh FILTER_MASS times their sign, and what a pixel's samples lack
+// of SAMPLES together is spread evenly.
+static void weigh(const Tile *tile, int pixel)
+{
+    float lacking = 1.0f - FILTER_MASS * tile->sign_sum[pixel] * (1.0f / SAMPLES);
+    tile->color[pixel] = FILTER_MASS * tile->signed_color[pixel] + lacking * tile->color[pixel];
+    tile->depth[pixel] = FILTER_MASS * tile->signed_depth[pixel] + lacking * tile->depth[pixel];
+}
+#endif
+
+#ifdef PATTERN_RGSS
+
+// Keep all samples of the tile's pixels for the filter, which reaches into neighbours: colour, and depth.
+static void resolve(const Tile *tile, Frame frame, global const float *background,
+                    global float4 *rgba, global float *depth, global uint *seen)
+{
+    for (int y = tile->y_low; y < tile->y_high; y++)
+        for (int x = tile->x_low; x < tile->x_high; x++) {
+            size_t out = (size_t)(tile->y + y - frame.y) * frame.width + (tile->x + x - frame.x);
+            for (int l = 0; l < SAMPLES; l++) {
+                int sample = l * SLAB + place_of_pixel(x, y);
+                rgba[out * SAMPLES + l] = tile->sample_colors[sample];
+                depth[out * SAMPLES + l] = tile->sample_depths[sample];
+            }
+            seen[out] = tile->count[place_of_pixel(x, y)];
+        }
+}
+
+#else
+
+static void resolve(const Tile *tile, Frame frame, global const float *background,
+                    global float4 *rgba, global float *depth, global uint *seen)
+{
+    for (int y = tile->y_low; y < tile->y_high; y++)
+        for (int x = tile->x_low; x < tile->x_high; x++) {
+            int pixel = place_of_pixel(x, y);
+            size_t out = (size_t)(tile->y + y - frame.y) * frame.width + (tile->x + x - frame.x);
+#ifdef WEIGHTED
+            weigh(tile, pixel);
+#endif
+            float4 sum = tile->color[pixel];
+            depth[out] = sum.w > 0.0f ? tile->depth[pixel] / sum.w : INFINITY;
+            rgba[out] = over_background(sum * (1.0f / SAMPLES), out, &frame, background);
+            seen[out] = tile->count[pixel];
+        }
+}
+
+#endif

@@ -1,0 +1,331 @@
+// Stage "scatter": where, when and through which point of the lens each sample of a group of slabs looks.
+//
+// Sobol points are stratified in time and on the lens jointly: these are the first three dimensions
+// where there is a lens, time and place where there is none. Other patterns draw each effect's
+// coordinates on their own.
+#include "stochastic/tile.h"
+#include "stochastic/sobol.h"
+#include "shared/lens.h"
+#include "shared/shutter.h"
+
+// Points of sixteen pixels: place in the pixel, share of the light that has passed, place on the lens's
+// unit square.
+typedef struct {
+    Lanes x, y, t, u, v;
+} Drawn;
+
+// Seeds of a block's pixels, one for each dimension.
+typedef struct {
+    uint16 x, y, t, u, v;
+} Seeds;
+
+static Seeds seeds_of(const Tile *tile, int block)
+{
+    uint16 x = convert_uint16(convert_int16(block_x(block)) + tile->x);
+    uint16 y = convert_uint16(convert_int16(block_y(block)) + tile->y);
+    uint16 pixel = mix_lanes(x ^ mix_lanes(y ^ mix_bits(tile->scene.seed)));
+    Seeds seeds = {mix_lanes(pixel + 1u), mix_lanes(pixel + 2u), mix_lanes(pixel + 3u),
+                   mix_lanes(pixel + 4u), mix_lanes(pixel + 5u)};
+    return seeds;
+}
+
+#if defined(PATTERN_JITTERED) || defined(PATTERN_FIXED)
+// Place of l in a random order of 0 ... SAMPLES - 1, one for each seed (Kensler 2013).
+static uint16 permuted(uint l, uint16 seed)
+{
+    uint mask = SAMPLES - 1;
+    mask |= mask >> 1, mask |= mask >> 2, mask |= mask >> 4, mask |= mask >> 8;
+    uint16 i = l;
+    int16 again = -1;
+    while (any_lane(again)) {
+        uint16 x = i;
+        x ^= seed, x *= 0xe170893du, x ^= seed >> 16, x ^= (x & mask) >> 4;
+        x ^= seed >> 8, x *= 0x0929eb3fu, x ^= seed >> 23, x ^= (x & mask) >> 1;
+        x *= 1u | seed >> 27, x *= 0x6935fa69u, x ^= (x & mask) >> 11;
+        x *= 0x74dcb303u, x ^= (x & mask) >> 2, x *= 0x9e501cc3u, x ^= (x & mask) >> 2;
+        x *= 0xc860a3dfu, x &= mask, x ^= x >> 5;
+        i = again ? x : i;
+        again = i >= (uint16)(SAMPLES);
+    }
+    return (i + seed) % SAMPLES;
+}
+#endif
+
+#ifdef PATTERN_JITTERED
+#define GRID_Y (SAMPLES / GRID_X)
+
+// A random point in the cell of that number of a grid of GRID_X x GRID_Y.
+static inline void jitter_in_cell(uint16 cell, uint l, uint16 seed_x, uint16 seed_y, Lanes *x, Lanes *y)
+{
+    *x = (convert_float16(cell % GRID_X) + hashed(l, seed_x)) * (1.0f / GRID_X);
+    *y = (convert_float16(cell / GRID_X) + hashed(l, seed_y)) * (1.0f / GRID_Y);
+}
+#endif
+
+// Sample l of every pixel of a block.
+static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
+{
+    Drawn d;
+    d.u = d.v = 0.0f;
+    d.t = ((float)l + hashed(l, seeds->t)) * (1.0f / SAMPLES);
+    d.x = d.y = 0.0f;
+#if defined(PATTERN_SOBOL)
+#ifdef LENS
+    d.u = scrambled(sobol_reversed(l, 1), seeds->u), d.v = scrambled(sobol_reversed(l, 2), seeds->v);
+    d.x = scrambled(sobol_reversed(l, 3), seeds->x), d.y = scrambled(sobol_reversed(l, 4), seeds->y);
+#else
+    d.x = scrambled(sobol_reversed(l, 1), seeds->x), d.y = scrambled(sobol_reversed(l, 2), seeds->y);
+#endif
+#elif defined(PATTERN_RANDOM)
+    d.t = hashed(l, seeds->t);
+    d.x = hashed(l, seeds->x), d.y = hashed(l, seeds->y);
+    d.u = hashed(l, seeds->u), d.v = hashed(l, seeds->v);
+#elif defined(PATTERN_JITTERED)
+    jitter_in_cell(permuted(l, seeds->x), l, seeds->x, seeds->y, &d.x, &d.y);
+    jitter_in_cell(permuted(l, seeds->u), l, seeds->u, seeds->v, &d.u, &d.v);
+#elif defined(PATTERN_FIXED)
+    uint slot[LANES];
+    float x[LANES], y[LANES];
+    vstore16(permuted(l, seeds->x), 0, slot);
+    for (int i = 0; i < LANES; i++)
+        x[i] = tile->scene.slots[slot[i]].x_low, y[i] = tile->scene.slots[slot[i]].y_low;
+    d.x = vload16(0, x), d.y = vload16(0, y);
+    d.u = scrambled(sobol_reversed(l, 1), seeds->u), d.v = scrambled(sobol_reversed(l, 2), seeds->v);
+#elif defined(PATTERN_INTERLEAVE_UVT)
+    d.x = scrambled(sobol_reversed(l, 3), seeds->x), d.y = scrambled(sobol_reversed(l, 4), seeds->y);
+#elif defined(PATTERN_SLICES)
+    // All pixels alike: sample l belongs to one of SLICES times and points of the lens.
+    const uint each = SAMPLES / SLICES, slice = l / each;
+    uint16 frame = (uint16)(mix_bits(tile->scene.seed + 13u));
+    Slot slot = tile->scene.slots[l % each];
+    d.x = slot.x_low, d.y = slot.y_low;
+    d.t = (float)slice;
+#ifdef SLICES_JITTERED
+    d.t += hashed(slice, frame);
+#else
+    d.t += 0.5f;
+#endif
+    d.t *= 1.0f / SLICES;
+    d.u = scrambled(sobol_reversed(slice, 1), frame + 1u);
+    d.v = scrambled(sobol_reversed(slice, 2), frame * 5u);
+#endif
+    return d;
+}
+
+#ifdef PATTERN_RGSS
+// Akenine-Moeller et al. 2007, 3.2: four samples on a rotated grid, sample l at a time in [l, l + 1) / 4.
+// Quads of 2 x 2 pixels share that time, which lies in the first half of its quarter or in the second,
+// as on a chess board; for l = 1, 2, 3 quads begin one pixel to the right, below, and both. Where a
+// sample lies in its pixel repeats every 2 x 2 pixels, so that with the four nearest samples of
+// neighbours (rgss.cl) a pixel has eight times, and no two samples of one quarter share a row or a column.
+// (This arrangement is one of the four that exist.)
+static void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y, Drawn *d)
+{
+    int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
+    int16 place = (int)l ^ (x & 1 | (y & 1) << 1);
+    const int columns = 1 | 3 << 2 | 0 << 4 | 2 << 6;
+    d->x = 0.125f + 0.25f * convert_float16((int16)(columns) >> 2 * place & 3);
+    d->y = 0.125f + 0.25f * convert_float16(place);
+    int16 quad_x = (x - (int)(l & 1u)) >> 1, quad_y = (y - (int)(l >> 1)) >> 1;
+    uint16 seed = mix_lanes(convert_uint16(quad_x) ^ mix_lanes(convert_uint16(quad_y)
+                                                               ^ mix_bits(tile->scene.seed + 7u)));
+    Lanes second = convert_float16(quad_x + quad_y & 1);
+    d->t = 0.25f * ((float)l + 0.5f * (second + hashed(l, seed)));
+}
+#endif
+
+#ifdef PATTERN_INTERLEAVE_UVT
+// Fatahalian et al. 2009: four times as many pairs of a time and a lens point as a pixel has samples, the
+// same in every tile of 2 x 2 pixels; which of the tile's pixels has which pair is drawn anew for
+// each tile, within each four that follow one another in time.
+static void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y, Drawn *d)
+{
+    int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
+    uint16 quad = mix_lanes(convert_uint16(x >> 1) ^ mix_lanes(convert_uint16(y >> 1)
+                                                               ^ mix_bits(tile->scene.seed + 9u)));
+    uint16 mixed = mix_lanes(quad ^ l * 0x9e3779b9u);
+    // One of the 24 orders of four: a turn, then one that keeps the first in place.
+    uint16 k = convert_uint16(x & 1 | (y & 1) << 1);
+    uint16 swap = (mixed >> 8) % 6u, turned = k;
+    int16 mirrored = (k != 0u) & (swap >= 3u);
+    turned = mirrored ? 4u - k : k;
+    turned = k != 0u ? (turned - 1u + swap) % 3u + 1u : k;
+    uint16 pair = l * 4u + (turned + (mixed & 3u)) % 4u;
+    uint frame = mix_bits(tile->scene.seed + 11u);
+    float t[LANES], u[LANES], v[LANES];
+    uint index[LANES];
+    vstore16(pair, 0, index);
+    for (int i = 0; i < LANES; i++) {
+        t[i] = (index[i] + (mix_bits(frame ^ index[i] * 0x9e3779b9u) >> 8) * 0x1p-24f) * (0.25f / SAMPLES);
+        u[i] = scrambled(sobol_reversed(index[i], 1), (uint16)(frame + 1u)).s0;
+        v[i] = scrambled(sobol_reversed(index[i], 2), (uint16)(mix_bits(frame + 2u))).s0;
+    }
+    d->t = vload16(0, t), d->u = vload16(0, u), d->v = vload16(0, v);
+}
+#endif
+
+#ifdef FILTER_TABLE
+// Where in the filter's reach the fraction `share` of its weight lies to the left.
+static Lanes warped_to_filter(const Tile *tile, Lanes share)
+{
+    float out[LANES];
+    vstore16(share * FILTER_TABLE, 0, out);
+    for (int i = 0; i < LANES; i++) {
+        int k = min((int)out[i], FILTER_TABLE - 1);
+        out[i] = mix(tile->scene.filter[k], tile->scene.filter[k + 1], out[i] - k);
+    }
+    return vload16(0, out);
+}
+#endif
+
+// From shares of the light that has passed to times of the shutter.
+static Lanes times_of_light(const Tile *tile, int block, Lanes passed)
+{
+#if defined(SHUTTER_CURVE) || defined(ROLLING)
+    float t[LANES];
+    vstore16(passed, 0, t);
+    for (int i = 0; i < LANES; i++) {
+        int pixel = pixel_of(block, i);
+        float2 window = line_window(&tile->scene, tile->x + pixel % TILE, tile->y + pixel / TILE);
+        t[i] = time_of_light(&tile->scene, window, t[i]);
+    }
+    return vload16(0, t);
+#else
+    return passed;
+#endif
+}
+
+#ifdef LENS
+static inline float2 lens_point(float u, float v)
+{
+#ifdef BLADES
+    return square_to_polygon((float2)(u, v));
+#else
+    return square_to_disc((float2)(u, v));
+#endif
+}
+#endif
+
+// Sample l of every pixel of a block, before the filter and the shutter.
+static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds)
+{
+    Drawn d = draw(tile, l, seeds);
+#ifdef PATTERN_RGSS
+    draw_rotated_grid(tile, l, block_x(block), block_y(block), &d);
+#endif
+#ifdef PATTERN_INTERLEAVE_UVT
+    draw_interleaved(tile, l, block_x(block), block_y(block), &d);
+#endif
+#ifdef FRAMELESS
+    // Every FRAMELESS-th pixel sees its part of the shutter only.
+    int16 x = convert_int16(block_x(block)) + tile->x, y = convert_int16(block_y(block)) + tile->y;
+    int16 phase = (x + FRAMELESS_STEP * y) % FRAMELESS;
+    d.t = (convert_float16(phase < 0 ? phase + FRAMELESS : phase) + d.t) * (1.0f / FRAMELESS);
+#endif
+    return d;
+}
+
+#ifdef REORDERED
+// What samples of a pixel are ordered by, so that those of a slab are alike: time; the lens, along a
+// Z-shaped curve of its cells; or both.
+static inline uint16 order_key(Lanes t, Lanes u, Lanes v)
+{
+#ifdef LENS
+    uint16 a = convert_uint16(u * 16.0f), b = convert_uint16(v * 16.0f), key = 0u;
+    uint16 c = convert_uint16(clamp(t, 0.0f, 0.9999f) * (16.0f * SLAB_GROUPS)) & 15u;
+    for (int bit = 3; bit >= 0; bit--) {
+#ifdef MOVING
+        key = key << 1 | (c >> bit & 1u);
+#endif
+        key = key << 1 | (a >> bit & 1u);
+        key = key << 1 | (b >> bit & 1u);
+    }
+    return key;
+#else
+    return convert_uint16(t * 0x1p24f);
+#endif
+}
+
+// Slab of each of the group's samples of one block: its place in the order of the keys.
+static void rank_samples(const uint16 *keys, int slabs, int16 *ranks)
+{
+    for (int i = 0; i < slabs; i++) {
+        int16 rank = 0;
+        for (int k = 0; k < i; k++) rank -= as_int16(keys[k] <= keys[i]); // true is -1
+        for (int k = i + 1; k < slabs; k++) rank -= as_int16(keys[k] < keys[i]);
+        ranks[i] = rank;
+    }
+}
+#endif
+
+static void scatter_block(const Tile *tile, int block)
+{
+    Seeds seeds = seeds_of(tile, block);
+    Lanes left = block_x(block) - (float)HALF, top = block_y(block) - (float)HALF;
+#ifdef REORDERED
+    uint16 keys[SLABS];
+    int16 ranks[SLABS];
+    for (int k = 0; k < tile->slabs; k++) {
+        Drawn d = draw_sample(tile, block, tile->group + k, &seeds);
+        keys[k] = order_key(d.t, d.u, d.v);
+    }
+    rank_samples(keys, tile->slabs, ranks);
+#endif
+    for (int k = 0; k < tile->slabs; k++) {
+        Drawn d = draw_sample(tile, block, tile->group + k, &seeds);
+#ifdef FILTER_TABLE
+        d.x = warped_to_filter(tile, d.x), d.y = warped_to_filter(tile, d.y);
+#endif
+        d.x += left, d.y += top;
+        d.t = times_of_light(tile, block, d.t);
+        int index = sample_index(k, block);
+#ifdef REORDERED
+        for (int i = 0; i < LANES; i++) {
+            int to = sample_index(((int *)(ranks + k))[i], block) + i;
+            tile->xs[to] = ((float *)&d.x)[i], tile->ys[to] = ((float *)&d.y)[i];
+            tile->ts[to] = ((float *)&d.t)[i];
+#ifdef LENS
+            float2 point = lens_point(((float *)&d.u)[i], ((float *)&d.v)[i]);
+            tile->us[to] = point.x, tile->vs[to] = point.y;
+#endif
+        }
+#else
+        vstore16(d.x, 0, tile->xs + index);
+        vstore16(d.y, 0, tile->ys + index);
+        vstore16(d.t, 0, tile->ts + index);
+#endif
+    }
+}
+
+static void bound_values(global const float *values, int slab, float *low, float *high)
+{
+    Lanes least = INFINITY, most = -INFINITY;
+    for (int block = 0; block < BLOCKS; block++) {
+        Lanes here = load(values, sample_index(slab, block));
+        least = lanes_min(least, here), most = lanes_max(most, here);
+    }
+    *low = least_lane(least), *high = greatest_lane(most);
+}
+
+// Draw the samples of the group that begins with sample tile->group, and clear what they see.
+static void scatter(Tile *tile)
+{
+    for (int block = 0; block < BLOCKS; block++) scatter_block(tile, block);
+    for (int k = 0; k < SLAB_LANES; k++) {
+        bool used = k < tile->slabs;
+        tile->t_low[k] = 2.0f, tile->t_high[k] = -1.0f;
+        if (used) bound_values(tile->ts, k, tile->t_low + k, tile->t_high + k);
+#ifdef LENS
+        tile->u_low[k] = tile->v_low[k] = tile->u_high[k] = tile->v_high[k] = 0.0f;
+        if (used) bound_values(tile->us, k, tile->u_low + k, tile->u_high + k);
+        if (used) bound_values(tile->vs, k, tile->v_low + k, tile->v_high + k);
+#endif
+        tile->far[k] = used ? INFINITY : 0.0f;
+    }
+    for (int k = 0; k < tile->slabs; k++)
+        vstore16((Lanes)(INFINITY), 0, tile->block_far + k * BLOCKS);
+    for (int i = 0; i < tile->slabs * SLAB; i += LANES) {
+        vstore16((Lanes)(INFINITY), 0, tile->zs + i);
+        vstore16((uint16)(NONE), 0, tile->owners + i);
+    }
+}

@@ -1,0 +1,234 @@
+// Stage "shade": the colours of a group's samples, summed into their pixels in order of their slabs.
+//
+// Where colour varies over a surface it is found for each sample, or once for all samples of a pixel that
+// see the same triangle, at their mean place and time, as multisampling does (SHADE_PIXEL; with
+// SHADE_HYBRID only what does not move, Akenine-Moeller et al. 2007, 5). Samples are points, which is why
+// textures are read at their finest level.
+#include "stochastic/moving.h"
+#include "shared/attributes.h"
+
+#if defined(PHONG) || defined(TEXTURED) || defined(VERTEX_COLOR)
+#define VARYING
+#endif
+
+// Sign of the filter's weight at a sample: only one with negative lobes has two.
+static inline float sign_of_sample(const Tile *tile, int index, int pixel)
+{
+#ifdef WEIGHTED
+    int at = pixel_of(pixel / LANES, pixel % LANES);
+    float x = fabs(tile->xs[index] + HALF - at % TILE - 0.5f);
+    float y = fabs(tile->ys[index] + HALF - at / TILE - 0.5f);
+    return (x > FILTER_ZERO) == (y > FILTER_ZERO) ? 1.0f : -1.0f;
+#else
+    return 1.0f;
+#endif
+}
+
+static inline void add_sample(Tile *tile, int index, float4 color)
+{
+    int pixel = index % SLAB;
+    float depth = color.w > 0.0f ? tile->zs[index] : 0.0f;
+    tile->color[pixel] += color;
+    tile->depth[pixel] += depth;
+    tile->count[pixel] += color.w > 0.0f;
+#ifdef WEIGHTED
+    float sign = sign_of_sample(tile, index, pixel);
+    tile->signed_color[pixel] += sign * color;
+    tile->signed_depth[pixel] += sign * depth;
+    tile->sign_sum[pixel] += sign;
+#endif
+#ifdef PATTERN_RGSS
+    tile->sample_colors[index] = color;
+    tile->sample_depths[index] = depth;
+#endif
+}
+
+#ifdef VARYING
+
+// A path whose colour varies: ready to be asked for sixteen samples.
+typedef struct {
+    uint path;
+    bool flat;
+    Moving moving;
+    Shaded shaded;
+} Surface;
+
+static void load_surface(const Tile *tile, uint path, Surface *surface)
+{
+    surface->path = path;
+    Shaded *s = &surface->shaded;
+    s->path = tile->scene.paths[path];
+    s->mesh = tile->scene.meshes[s->path.mesh];
+    s->material = tile->scene.materials[s->mesh.material];
+    surface->flat = s->material.texture == NONE && !(s->material.flags & MATERIAL_PHONG)
+                    && s->mesh.color == NONE;
+    if (surface->flat) return;
+    s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
+    s->place.x = tile->x + HALF, s->place.y = tile->y + HALF, s->place.u = s->place.v = 0.0f;
+    surface->moving = load_moving(tile, path);
+    load_corners(&tile->scene, s);
+#ifdef PHONG
+    load_view(&tile->scene, s);
+#endif
+}
+
+// Colours of the surface at samples, `count` of which matter.
+static Lanes3 surface_colors(const Tile *tile, const Surface *surface, const Samples *samples, Lanes w,
+                             int count)
+{
+    const Moving *m = &surface->moving;
+    const Shaded *s = &surface->shaded;
+    Lanes tau = time_in_segment(m, samples->t);
+    Lanes3 p[3];
+    for (int i = 0; i < 3; i++) p[i] = vertex_at(m, i, samples, tau);
+    Lanes e[3] = {edge_of(p[1], p[2]), edge_of(p[2], p[0]), edge_of(p[0], p[1])};
+    Lanes sum = (e[0] + e[1]) + e[2], weights[6];
+    for (int i = 0; i < 3; i++) {
+        Lanes share = sum != 0.0f ? e[i] / sum : (Lanes)(1.0f / 3.0f);
+        // A mean place may lie outside of the triangle.
+        share = lanes_min(lanes_max(share, (Lanes)(0.0f)), (Lanes)(1.0f));
+        weights[i] = share * (1.0f - tau), weights[i + 3] = share * tau;
+    }
+    Attributes a = blend_corners(s, weights);
+    float4 base = tile->flat[surface->path];
+    Lanes3 color = {base.x * a.color.x, base.y * a.color.y, base.z * a.color.z};
+#ifdef TEXTURED
+    if (s->material.texture != NONE) {
+        Texture texture = tile->scene.textures[s->material.texture];
+        Lanes3 texel = texture_at(tile->scene.texels, texture, a.u, a.v, 0.0f, count);
+        color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
+    }
+#endif
+#ifdef PHONG
+    if (s->material.flags & MATERIAL_PHONG) {
+        Lanes across = samples->x, down = samples->y;
+        w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
+#ifdef LENS
+        across -= samples->u * a.circle / w, down -= samples->v * a.circle / w;
+#endif
+        color = reflect_light(&tile->scene, s, &a, color, samples->t, w, across, down);
+    }
+#endif
+    return color;
+}
+
+// The samples of `list`, the last one repeated where there are fewer than sixteen; w is their depth.
+static Samples gather_listed(const Tile *tile, const int *list, int count, Lanes *w)
+{
+    float value[LANES];
+    Samples s;
+#define GATHER(to, from) \
+    for (int i = 0; i < LANES; i++) value[i] = (from)[list[min(i, count - 1)]]; \
+    to = vload16(0, value);
+    GATHER(s.x, tile->xs)
+    GATHER(s.y, tile->ys)
+    GATHER(s.t, tile->ts)
+    GATHER(*w, tile->zs)
+#ifdef LENS
+    GATHER(s.u, tile->us)
+    GATHER(s.v, tile->vs)
+#endif
+#undef GATHER
+    return s;
+}
+
+// Whether the samples of a pixel that see the path share one colour.
+static inline bool shaded_once(const Shaded *s)
+{
+#if defined(SHADE_PIXEL)
+    return true;
+#elif defined(SHADE_HYBRID)
+    return s->path.step == 0u;
+#else
+    return false;
+#endif
+}
+
+// The mean of listed samples in all lanes.
+static Samples mean_of_listed(const Tile *tile, const int *list, int count, Lanes *w)
+{
+    float x = 0.0f, y = 0.0f, t = 0.0f, depth = 0.0f, over = 1.0f / count;
+    for (int i = 0; i < count; i++) {
+        x += tile->xs[list[i]], y += tile->ys[list[i]], t += tile->ts[list[i]];
+        depth += tile->zs[list[i]];
+    }
+    Samples mean;
+    mean.x = x * over, mean.y = y * over, mean.t = t * over;
+#ifdef LENS
+    float u = 0.0f, v = 0.0f;
+    for (int i = 0; i < count; i++) u += tile->us[list[i]], v += tile->vs[list[i]];
+    mean.u = u * over, mean.v = v * over;
+#endif
+    *w = depth * over;
+    return mean;
+}
+
+static inline float4 color_of_lane(const Lanes3 *color, int i)
+{
+    return (float4)(((const float *)&color->x)[i], ((const float *)&color->y)[i], ((const float *)&color->z)[i], 1.0f);
+}
+
+// Colour of each listed sample of one pixel, all of the same path.
+static void color_samples(const Tile *tile, const Surface *surface, const int *list, int count,
+                          float4 *colors)
+{
+    Lanes w;
+    if (surface->flat) {
+        for (int i = 0; i < count; i++) colors[i] = tile->flat[surface->path];
+    } else if (shaded_once(&surface->shaded)) {
+        Samples mean = mean_of_listed(tile, list, count, &w);
+        Lanes3 color = surface_colors(tile, surface, &mean, w, 1);
+        for (int i = 0; i < count; i++) colors[i] = color_of_lane(&color, 0);
+    } else {
+        for (int from = 0; from < count; from += LANES) {
+            int here = min(count - from, LANES);
+            Samples samples = gather_listed(tile, list + from, here, &w);
+            Lanes3 color = surface_colors(tile, surface, &samples, w, here);
+            for (int i = 0; i < here; i++) colors[from + i] = color_of_lane(&color, i);
+        }
+    }
+}
+
+// Colours of all samples of a pixel, path by path, into `colors` by slab.
+static void color_pixel(const Tile *tile, int pixel, Surface *surface, float4 *colors)
+{
+    bool done[SLABS];
+    for (int slab = 0; slab < tile->slabs; slab++) {
+        done[slab] = tile->owners[slab * SLAB + pixel] == NONE;
+        colors[slab] = (float4)(0.0f);
+    }
+    for (int slab = 0; slab < tile->slabs; slab++) {
+        if (done[slab]) continue;
+        uint owner = tile->owners[slab * SLAB + pixel];
+        int list[SLABS], count = 0;
+        float4 found[SLABS];
+        for (int k = slab; k < tile->slabs; k++)
+            if (tile->owners[k * SLAB + pixel] == owner) list[count++] = k * SLAB + pixel, done[k] = true;
+        if (surface->path != owner) load_surface(tile, owner, surface);
+        color_samples(tile, surface, list, count, found);
+        for (int i = 0; i < count; i++) colors[list[i] / SLAB] = found[i];
+    }
+}
+
+static void shade(Tile *tile)
+{
+    Surface surface;
+    surface.path = NONE;
+    float4 colors[SLABS];
+    for (int pixel = 0; pixel < SLAB; pixel++) {
+        color_pixel(tile, pixel, &surface, colors);
+        for (int slab = 0; slab < tile->slabs; slab++) add_sample(tile, slab * SLAB + pixel, colors[slab]);
+    }
+}
+
+#else
+
+static void shade(Tile *tile)
+{
+    for (int index = 0; index < tile->slabs * SLAB; index++) {
+        uint owner = tile->owners[index];
+        add_sample(tile, index, tile->flat[owner == NONE ? tile->path_count : owner]);
+    }
+}
+
+#endif

@@ -1,0 +1,144 @@
+// What one work-item knows while it renders a tile by point samples: the scene, the tile's place, and
+// scratch memory that is used again for the next tile.
+//
+// A tile is 16 blocks of 4 x 4 pixels, the lanes of a vector. Its samples lie slab by slab: a slab
+// holds one sample of every pixel, all from a short stretch of time and, with a lens, a small part of
+// it. Slabs are worked on SLABS at a time, so that they stay in cache. Coordinates are relative to the
+// middle of the tile, so that float32 is exact where it matters.
+//
+// The plan defines: SAMPLES (per pixel), SLABS, the pattern (PATTERN_RANDOM ...), the test (TEST_EDGES
+// or none), the culling method (CULL_BBOX ...), and a macro for each effect that the scene calls for:
+// MOVING, LENS, SINGLE_SIDED, PHONG, POINT_LIGHTS, TEXTURED, VERTEX_COLOR, FACE_COLOR,
+// BACKGROUND_IMAGE, TRANSPARENT, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING,
+// ROLLING_COLUMNS, STATISTICS.
+#ifndef MB_STOCHASTIC_TILE_H
+#define MB_STOCHASTIC_TILE_H
+
+#include "shared/scene.h"
+#include "shared/lanes.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+#define TILE 16
+#define BLOCK 4
+#define BLOCKS 16
+#define HALF (TILE / 2)
+#define SLAB (BLOCKS * LANES) // samples of a slab
+#define SLAB_LANES ((SLABS + LANES - 1) / LANES * LANES)
+
+// What samples count: what was looked at, passed each stage of culling, was tested, and hit.
+typedef struct {
+    ulong visited, stage1, stage2, tests, hits;
+} Statistics;
+
+typedef struct {
+    Scene scene;
+    global const Bounds *bounds; // of the paths
+    uint path_count;
+    global const float4 *flat;   // colour of each path where it doesn't vary, and alpha 1
+    int x, y;                    // first pixel of the tile in the frame
+    int x_low, x_high;           // columns of the tile that are rendered, low <= x < high
+    int y_low, y_high;           // rows likewise
+    float middle_x, middle_y, clip_scale; // the frame's middle from the tile's, 2 / its height
+    struct {
+        float left, right, top, bottom;
+    } frame;                     // where samples of the frame may lie, from the tile's middle
+    float reach_low, reach_high; // where samples lie relative to their pixel, in x and in y
+    int group;                   // sample of the first slab
+    int slabs;                   // slabs in use
+    global const uint *members;  // paths that may touch the tile, from near to far
+    uint member_count;
+    // Of each sample of the group:
+    global float *xs, *ys, *ts;
+    global float *us, *vs;       // on the lens
+    global float *zs;            // depth of the nearest surface so far
+    global uint *owners;         // its path, or NONE
+    // Of each slab of the group:
+    float t_low[SLAB_LANES], t_high[SLAB_LANES];
+#ifdef LENS
+    float u_low[SLAB_LANES], u_high[SLAB_LANES], v_low[SLAB_LANES], v_high[SLAB_LANES];
+#endif
+    float far[SLAB_LANES];            // greatest depth of any of its samples, or more
+    float block_far[SLABS * BLOCKS];  // likewise of each of its blocks
+    Statistics statistics;
+    global float4 *color;        // per pixel: sums over samples, alpha last
+    global float *depth;
+    global uint *count;          // samples that see something
+#ifdef WEIGHTED
+    global float4 *signed_color; // likewise, each sample with the filter's sign
+    global float *signed_depth;
+    global float *sign_sum;
+#endif
+#ifdef PATTERN_RGSS
+    global float4 *sample_colors; // of the tile's samples, slab by slab
+    global float *sample_depths;  // times alpha
+#endif
+} Tile;
+
+// The first of sixteen samples.
+static inline int sample_index(int slab, int block) { return (slab * BLOCKS + block) * LANES; }
+
+// Pixel of the tile in each lane of a block.
+static inline Lanes block_x(int block)
+{
+    const Lanes x = (Lanes)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+    return x + (float)(block % (TILE / BLOCK) * BLOCK);
+}
+
+static inline Lanes block_y(int block)
+{
+    const Lanes y = (Lanes)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+    return y + (float)(block / (TILE / BLOCK) * BLOCK);
+}
+
+// Place of a pixel of the tile among the samples of a slab.
+static inline int place_of_pixel(int x, int y)
+{
+    int block = y / BLOCK * (TILE / BLOCK) + x / BLOCK;
+    return block * LANES + y % BLOCK * BLOCK + x % BLOCK;
+}
+
+// Likewise back: y * TILE + x of a lane of a block.
+static inline int pixel_of(int block, int lane)
+{
+    int x = block % (TILE / BLOCK) * BLOCK + lane % BLOCK;
+    return (block / (TILE / BLOCK) * BLOCK + lane / BLOCK) * TILE + x;
+}
+
+static inline Lanes load(global const float *values, int index) { return vload16(0, values + index); }
+
+static inline bool any_lane(LaneMask mask)
+{
+    int8 a = mask.lo | mask.hi;
+    int4 b = a.lo | a.hi;
+    int2 c = b.lo | b.hi;
+    return (c.x | c.y) != 0;
+}
+
+static inline bool all_lanes(LaneMask mask)
+{
+    int8 a = mask.lo & mask.hi;
+    int4 b = a.lo & a.hi;
+    int2 c = b.lo & b.hi;
+    return (c.x & c.y) != 0;
+}
+
+static inline float greatest_lane(Lanes a)
+{
+    float8 b = a.lo > a.hi ? a.lo : a.hi;
+    float4 c = b.lo > b.hi ? b.lo : b.hi;
+    float2 d = c.lo > c.hi ? c.lo : c.hi;
+    return d.x > d.y ? d.x : d.y;
+}
+
+static inline float least_lane(Lanes a) { return -greatest_lane(-a); }
+
+static inline uint count_lanes(LaneMask mask)
+{
+    int8 a = mask.lo + mask.hi; // true is -1
+    int4 b = a.lo + a.hi;
+    int2 c = b.lo + b.hi;
+    return (uint)-(c.x + c.y);
+}
+
+#endif
