@@ -124,17 +124,23 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
         "transparent": True,
         "tile_size": 8,
     }
-    assert set(values) == {setting.name for setting in fields(Settings)}
-    arguments = []
-    for name, value in values.items():
-        option = f"--{name.replace('_', '-')}"
-        arguments += [option] if value is True else [option, str(value)]
-    assert cli.main(["render", "s.toml", *arguments]) == 0
-    assert api.calls[0]["settings"] == Settings(**values)
+    sampled = {"method": "stochastic", "cull": "bbox", "cull_tile": 2, "test": "edges",
+               "hybrid": True, "frameless": 4, "statistics": True}  # fmt: skip
+    slices = {"method": "accumulation", "slices": 7, "slice_times": "jittered",
+              "shading_rate": "pixel"}  # fmt: skip
+    ways = (values, sampled, slices)
+    assert set().union(*ways) == {setting.name for setting in fields(Settings)}
+    for index, way in enumerate(ways):
+        arguments = []
+        for name, value in way.items():
+            option = f"--{name.replace('_', '-')}"
+            arguments += [option] if value is True else [option, str(value)]
+        assert cli.main(["render", "s.toml", *arguments]) == 0
+        assert api.calls[index]["settings"] == Settings(**way)
     with pytest.raises(SystemExit):
         cli.main(["render", "--help"])
     text = capsys.readouterr().out
-    assert all(f"--{name.replace('_', '-')}" in text for name in values)
+    assert all(f"--{name.replace('_', '-')}" in text for name in set().union(*ways))
 
 
 def test_crop_and_device_are_passed_on(api):

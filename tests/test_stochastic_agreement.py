@@ -1,0 +1,156 @@
+"""Point samples and exact time agree, pixel by pixel, and errors fall as they should.
+
+Independent samples: a pixel's mean over N of them has the variance of one over N, and that variance
+is known from the analytic film itself, rendered once more with squared colours. So each pixel and
+channel gives a z score. Holm's correction for their number begins with the greatest, which
+Bonferroni's bound judges: if that one stands, all do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+from test_hard_cases import CASES, COLORS, SIZE
+
+import mbinterval as mb
+from mbinterval.scene.model import Scene
+
+NAMED = "interpenetrating meshes"
+SAMPLES, SEEDS = 4096, 12
+ALPHA = 0.01
+
+
+def analytic(of: Scene) -> np.ndarray:
+    settings = mb.Settings(samples=256, pattern="sobol")
+    return mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings).rgba.astype(float)
+
+
+def stochastic(of: Scene, samples: int = SAMPLES, seed: int = 0, **values: object) -> np.ndarray:
+    settings = mb.Settings(method="stochastic", samples=samples, seed=seed, **values)
+    return mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings).rgba.astype(float)
+
+
+def squared(of: Scene) -> Scene:
+    meshes = [replace(m, color=np.asarray(m.color) ** 2) for m in of.meshes]
+    return replace(of, meshes=meshes, background=tuple(np.square(of.background)))
+
+
+def late(of: Scene, by: float) -> Scene:
+    meshes = [
+        replace(m, positions=m.positions + by * (m.positions[-1] - m.positions[0]))
+        for m in of.meshes
+    ]
+    return replace(of, meshes=meshes)
+
+
+@pytest.fixture(scope="module")
+def sampled() -> np.ndarray:
+    of = CASES[NAMED].make()
+    return np.mean([stochastic(of, seed=k, pattern="random") for k in range(SEEDS)], axis=0)
+
+
+@pytest.fixture(scope="module")
+def expected() -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of a pixel's mean; those with too few events are left out."""
+    of = CASES[NAMED].make()
+    mean, second = analytic(of), analytic(squared(of))
+    variance = second - mean**2
+    variance[..., 3] = mean[..., 3] * (1.0 - mean[..., 3])
+    few = variance * SAMPLES * SEEDS < 25 * 0.25
+    return mean, np.where(few, np.nan, np.sqrt(np.maximum(variance, 0) / (SAMPLES * SEEDS)))
+
+
+def critical(sigma: np.ndarray) -> float:
+    return NormalDist().inv_cdf(1 - ALPHA / 2 / np.isfinite(sigma).sum())
+
+
+def test_every_pixel_agrees_with_exact_time(sampled, expected):
+    mean, sigma = expected
+    z = (sampled - mean) / sigma
+    assert np.isfinite(z).sum() > 2000
+    assert np.nanmax(np.abs(z)) < critical(sigma)
+    assert abs(np.nanstd(z) - 1.0) < 0.1  # no more and no less than chance
+
+
+def test_a_shutter_moved_by_a_hundredth_is_rejected_with_known_power(sampled, expected):
+    mean, sigma = expected
+    moved = analytic(late(CASES[NAMED].make(), 0.01))
+    z = (sampled - moved) / sigma
+    bound = critical(sigma)
+    assert np.nanmax(np.abs(z)) > bound
+    # Power: the chance that some pixel exceeds the bound, from the true shift of each.
+    shift = np.abs((moved - mean) / sigma)[np.isfinite(sigma)]
+    keep = np.array([NormalDist().cdf(bound - s) for s in np.sort(shift)[-50:]])
+    assert 1.0 - keep.prod() > 0.999
+
+
+def error(of: Scene, truth: np.ndarray, samples: int, pattern: str) -> float:
+    films = [stochastic(of, samples, seed, pattern=pattern) for seed in range(4)]
+    return float(np.sqrt(np.mean([np.mean((f - truth)[..., :3] ** 2) for f in films])))
+
+
+def slope(of: Scene, truth: np.ndarray, pattern: str) -> float:
+    counts = np.array([4, 16, 64, 256])
+    errors = [error(of, truth, int(n), pattern) for n in counts]
+    return float(np.polyfit(np.log(counts), np.log(errors), 1)[0])
+
+
+def test_random_samples_converge_by_the_square_root_and_stratified_ones_faster():
+    of = CASES[NAMED].make()
+    truth = analytic(of)
+    slopes = {p: slope(of, truth, p) for p in ("random", "jittered", "sobol", "fixed")}
+    assert slopes["random"] == pytest.approx(-0.5, abs=0.04)
+    assert slopes["jittered"] < -0.55
+    assert slopes["sobol"] < -0.65
+    assert error(of, truth, 64, "sobol") < 0.6 * error(of, truth, 64, "random")
+
+
+@pytest.mark.parametrize("pattern", ["sobol", "jittered", "fixed", "interleave_uvt"])
+def test_every_pattern_has_the_same_mean(pattern):
+    of = CASES[NAMED].make()
+    truth = analytic(of)
+    film = np.mean([stochastic(of, 1024, seed, pattern=pattern) for seed in range(4)], axis=0)
+    if pattern == "fixed":  # the same places as long as there are as many
+        truth = mb.render(of, width=SIZE[0], height=SIZE[1],
+                          settings=mb.Settings(samples=256)).rgba  # fmt: skip
+        film = np.mean([stochastic(of, 256, seed, pattern=pattern) for seed in range(8)], axis=0)
+    assert np.sqrt(np.mean((film - truth) ** 2)) < 3e-3
+    assert abs((film - truth).mean()) < 2e-4
+    control = analytic(late(of, 0.05))
+    assert abs((film - control).mean()) > 1e-3 or np.sqrt(np.mean((film - control) ** 2)) > 6e-3
+
+
+def test_rgss_has_the_mean_of_its_filter():
+    """Four fixed places of a pixel and four of its neighbours, each at a quarter of all times."""
+    of = CASES["shared edges"].make()
+    films = [stochastic(of, 4, seed, pattern="rgss") for seed in range(200)]
+    found = np.mean(films, axis=0)
+    truth = analytic(of)
+    assert np.abs(films[0] - found).max() > 0.05
+    assert np.sqrt(np.mean((found - truth)[2:-2, 2:-2] ** 2)) < 0.05
+    assert abs((found - truth)[2:-2, 2:-2].mean()) < 3e-3
+    assert COLORS.shape[1] == 3
+
+
+def lens_mean(of: Scene) -> np.ndarray:
+    """Exact in time; over the lens a mean of many nets."""
+    films = [
+        mb.render(of, width=SIZE[0], height=SIZE[1],
+                  settings=mb.Settings(samples=64, pattern="sobol", seed=seed)).rgba
+        for seed in range(12)
+    ]  # fmt: skip
+    return np.mean(films, axis=0)
+
+
+def test_lens_and_motion_agree_with_exact_time_per_lens_point():
+    of = CASES[NAMED].make()
+    camera = replace(of.camera, fov=None, focal_length=24.0, f_stop=0.02, focus_distance=1.8)
+    of = replace(of, camera=camera)
+    truth = lens_mean(of)
+    films = [stochastic(of, 1024, seed) for seed in range(4)]
+    found = np.mean(films, axis=0)
+    assert np.sqrt(np.mean((found - truth) ** 2)) < 4e-3
+    assert np.sqrt(np.mean((found - lens_mean(late(of, 0.05))) ** 2)) > 8e-3

@@ -1,0 +1,79 @@
+"""Combinations that make no sense are refused, with what and why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from test_hard_cases import CASES, SIZE
+from test_stochastic_twin import with_lens
+
+import mbinterval as mb
+
+WRONG = [
+    ({"cull": "hull"}, "method='analytic' has no such choice; it is for method='stochastic'"),
+    ({"slices": 8}, "it is for method='accumulation'"),
+    ({"method": "stochastic", "occlusion": 128}, "it is for method='analytic'"),
+    ({"method": "stochastic", "tile_size": 8}, "it is for method='analytic'"),
+    ({"method": "stochastic", "slices": 3}, "it is for method='accumulation'"),
+    ({"method": "stochastic", "cull": "box"}, "expected one of 'best', 'bbox'"),
+    ({"method": "stochastic", "test": "guess"}, "'vertices', 'edges'"),
+    ({"method": "stochastic", "shading_rate": "line"}, "'sample', 'pixel'"),
+    ({"method": "stochastic", "samples": 4097}, "from 1 to 4096"),
+    ({"pattern": "rgss"}, "expected one of 'fixed', 'sobol' with method='analytic'"),
+    ({"method": "stochastic", "pattern": "rgss", "samples": 8}, "has 4"),
+    ({"method": "stochastic", "pattern": "rgss", "filter": "gaussian"}, "a filter of its own"),
+    ({"method": "stochastic", "cull": "interleave_uvt"}, "it is for pattern='interleave_uvt'"),
+    ({"method": "stochastic", "cull_tile": 2}, "tiles of its own"),
+    ({"method": "stochastic", "cull": "hull", "cull_tile": 3}, "expected 1, 2 or 4"),
+    ({"method": "stochastic", "hybrid": True, "shading_rate": "pixel"}, "nothing is left to it"),
+    ({"method": "stochastic", "frameless": 65}, "from 1 to 64"),
+    ({"method": "accumulation", "frameless": 4}, "it is for method='stochastic'"),
+    ({"method": "accumulation", "pattern": "sobol"}, "slice_times='stochastic'"),
+    ({"method": "accumulation", "slices": 4096, "samples": 64}, "at most 65536"),
+    ({"method": "accumulation", "slice_times": "now"}, "'uniform', 'jittered', 'stochastic'"),
+]
+
+
+@pytest.mark.parametrize(("values", "words"), WRONG)
+def test_refused(values, words):
+    with pytest.raises(mb.UsageError) as caught:
+        mb.Settings(**values)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(("values", "words"), [({"pattern": "rgss"}, "rgss"),
+                                               ({"test": "edges"}, "edges")])  # fmt: skip
+def test_without_a_lens_only(values, words):
+    of = CASES["shared edges"].make()
+    settings = mb.Settings(method="stochastic", **values)
+    mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings)
+    with pytest.raises(mb.UsageError, match=words):
+        mb.render(with_lens(of), width=SIZE[0], height=SIZE[1], settings=settings)
+
+
+def test_every_choice_that_is_given_is_in_the_plan():
+    from kernels import plan_of
+
+    for values, macro in (
+        ({}, "-DCULL_BEST"),
+        ({"cull": "pixar", "samples": 16}, "-DSTRATA_T=16"),
+        ({"pattern": "jittered", "samples": 12}, "-DGRID_X=3"),
+        ({"test": "edges"}, "-DTEST_EDGES"),
+        ({"statistics": True}, "-DSTATISTICS"),
+        ({"frameless": 4}, "-DFRAMELESS=4"),
+    ):
+        settings = mb.Settings(method="stochastic", **values)
+        plan = plan_of(CASES["shared edges"].make(), settings, *SIZE)[2]
+        assert macro in plan.options
+        plain = plan_of(CASES["shared edges"].make(), replace(settings, cull="bbox"), *SIZE)[2]
+        assert "-DLENS" not in plain.options
+        assert "-DPHONG" not in plain.options
+
+
+def test_nothing_at_all_is_the_background():
+    for method in ("stochastic", "accumulation"):
+        of = replace(CASES["shared edges"].make(), meshes=[])
+        film = mb.render(of, width=20, height=10, settings=mb.Settings(method=method))
+        assert (film.rgba[..., 3] == 0).all()
+        assert film.rgba[0, 0, :3] == pytest.approx(of.background)

@@ -1,0 +1,123 @@
+"""Light, textures and colours at samples, against the analytic method where both are exact."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_forms import FACES, UNIT_CAMERA, rectangle, world
+
+import mbinterval as mb
+from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
+
+SIZE = (48, 32)
+PICTURE = Texture(np.random.default_rng(1).uniform(0, 1, (8, 8, 3)))
+LIGHTS = (Light("ambient", intensity=0.2), Light("point", position=(0.5, 0.5, -0.5)),
+          Light("directional", direction=(0.3, -1.0, -1.0)))  # fmt: skip
+
+
+def quad(left: float, right: float, speed: float, w: object = 2.0, **fields: object) -> Mesh:
+    ends = np.stack([rectangle(left, right, 3, 29), rectangle(left + speed, right + speed, 3, 29)])
+    positions = world(ends, w, SIZE)
+    return Mesh(positions=positions if speed else positions[0], faces=FACES, **fields)
+
+
+def textured(speed: float, left: float = 6.3, **fields: object) -> Mesh:
+    material = Material("poster", texture=PICTURE, shading="unlit")
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
+    return quad(left, left + 25.0, speed, material=material, uv=uv, **fields)
+
+
+def shiny(speed: float) -> Mesh:
+    material = Material("shiny", specular=(0.4, 0.5, 0.6), shininess=9.0)
+    normals = np.array([[-0.5, 0, 1], [0.5, 0.2, 1], [0.4, 0, 1], [-0.3, -0.3, 1.0]])
+    tilted = np.array([1.8, 2.4, 2.3, 1.7])
+    return quad(10.2, 40.0, speed, tilted, material=material, normals=normals)
+
+
+def colored(speed: float) -> Mesh:
+    colors = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0.0]])
+    return quad(3.4, 30.0, speed, color=colors, color_domain="vertex", shading="unlit")
+
+
+KINDS = {"texture": textured, "phong": shiny, "vertex colour": colored}
+
+
+def film(*meshes: Mesh, size: tuple[int, int] = SIZE, **values: object) -> np.ndarray:
+    scene = Scene(meshes=meshes, camera=UNIT_CAMERA, lights=LIGHTS, background=(0.1, 0.2, 0.3))
+    return mb.render(scene, width=size[0], height=size[1], settings=mb.Settings(**values)).rgba
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_at_rest_is_the_analytic_film(kind):
+    mesh = KINDS[kind](0.0)
+    want = film(mesh, samples=5)
+    found = film(mesh, method="stochastic", pattern="fixed", samples=5)
+    assert np.abs(found - want).max() < 2e-4
+    assert want[..., :3].std() > 0.05
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_slice_is_the_mesh_half_way(kind):
+    moving = KINDS[kind](11.0)
+    still = replace(moving, positions=moving.positions.mean(axis=0))
+    found = film(moving, method="accumulation", slices=1, samples=5, motion_segments=1)
+    assert np.abs(found - film(still, samples=5)).max() < 2e-4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_motion_comes_to_the_analytic_film(kind):
+    mesh = KINDS[kind](11.0)
+    truth = film(mesh, samples=64, pattern="sobol", texture_samples=128)
+    few, many = (
+        np.sqrt(np.mean((film(mesh, method="stochastic", samples=n) - truth) ** 2))
+        for n in (16, 1024)
+    )
+    assert many < 3e-3
+    assert many < 0.35 * few
+
+
+def test_a_lens_and_light_come_to_the_analytic_film():
+    camera = replace(UNIT_CAMERA, f_stop=0.1, focus_distance=1.9)
+    scene = Scene(meshes=[shiny(11.0), textured(-7.0)], camera=camera, lights=LIGHTS)
+    wide = {"width": SIZE[0], "height": SIZE[1]}
+    settings = mb.Settings(samples=64, pattern="sobol", texture_samples=32)
+    films = [mb.render(scene, **wide, settings=replace(settings, seed=k)).rgba for k in range(12)]
+    truth = np.mean(films, axis=0)
+    sampled = mb.Settings(method="stochastic", samples=1024)
+    found = mb.render(scene, **wide, settings=sampled).rgba
+    noise = np.sqrt(np.mean(np.var(films, axis=0)) / len(films))
+    assert np.sqrt(np.mean((found - truth) ** 2)) < 2.0 * noise + 1e-3
+    assert noise < 4e-3
+
+
+def test_linear_colour_is_the_same_shaded_once_per_pixel_and_triangle():
+    for mesh in (colored(0.0), colored(9.0)):
+        each = film(mesh, method="stochastic", samples=16)
+        once = film(mesh, method="stochastic", samples=16, shading_rate="pixel")
+        assert np.abs(once - each).max() < 1e-5
+
+
+def test_textures_are_not():
+    each = film(textured(9.0), method="stochastic", samples=64)
+    once = film(textured(9.0), method="stochastic", samples=64, shading_rate="pixel")
+    assert np.abs(once - each).max() > 0.02
+    assert np.array_equal(once[..., 3], each[..., 3])
+
+
+def test_hybrid_shades_once_what_does_not_move():
+    meshes = textured(0.0, 1.0), textured(6.0, 30.0)
+    ways = [{}, {"shading_rate": "pixel"}, {"hybrid": True}]
+    each, once, hybrid = (film(*meshes, method="stochastic", samples=16, **way) for way in ways)
+    assert np.array_equal(hybrid[:, :26], once[:, :26])
+    assert np.array_equal(hybrid[:, 31:], each[:, 31:])
+    assert np.abs(hybrid - each).max() > 1e-3
+    assert np.abs(hybrid - once).max() > 1e-3
+
+
+def test_flat_colours_do_not_care():
+    mesh = quad(4.0, 30.0, 5.0, color=np.array([0.2, 0.4, 0.6]), shading="unlit")
+    ways = [{}, {"shading_rate": "pixel"}, {"hybrid": True}]
+    films = [film(mesh, method="stochastic", samples=16, **way) for way in ways]
+    assert all(np.array_equal(f, films[0]) for f in films)
