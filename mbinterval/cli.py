@@ -239,6 +239,11 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         help="where to write, .exr or .png; #### or %%04d is the frame's number. May be given "
         "several times, or as a list with commas [SCENE.####.exr]",
     )
+    command.add_argument(
+        "--stats",
+        metavar="FILE",
+        help="write seconds by stage and counts of every frame to this JSON file",
+    )
 
 
 def _add_device_option(group: Any) -> None:

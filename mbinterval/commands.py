@@ -45,14 +45,19 @@ class Job:
 
 def render(arguments: argparse.Namespace) -> None:
     """``mbinterval render``: every frame to every output; each note about the scene once."""
+    from mbinterval.atomic import prepare_output
     from mbinterval.film import check_output
+    from mbinterval.stats_file import stats_row, write_stats
 
     job = make_job(arguments)
+    if arguments.stats:
+        prepare_output(arguments.stats)
     paths = output_paths(job.outputs, job.frames)
     for path in (path for group in paths.values() for path in group):
         check_output(path)
     width, height = job.resolution
     said: set[str] = set()
+    rows: list[dict[str, Any]] = []
     with _progress(job.frames) as progress:
         for number, frame in enumerate(job.frames, start=1):
             started = time.perf_counter()
@@ -71,6 +76,9 @@ def render(arguments: argparse.Namespace) -> None:
                 if note not in said:
                     _log.warning("mbinterval: note: %s", note)
             said.update(film.notes)
+            if arguments.stats:
+                rows.append(stats_row(frame, film, job.settings))
+                write_stats(arguments.stats, rows)
             written = ", ".join(str(film.write(path)) for path in paths[frame])
             seconds = time.perf_counter() - started
             place = f"{number}/{len(job.frames)}"
@@ -165,6 +173,8 @@ def make_job(arguments: argparse.Namespace) -> Job:
     overruled = {
         name: check_setting(name, value) for name, value in given.items() if name in SETTINGS
     }
+    if given.get("stats"):
+        overruled["statistics"] = True
     loaded = load_file(arguments.scene, overruled=overruled, clip=arguments.clip, fps=arguments.fps)
     stored = loaded.render
     job = Job(

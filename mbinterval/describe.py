@@ -15,6 +15,7 @@ from mbinterval.scene.exposure import Exposure, expose
 from mbinterval.scene.mesh_exposure import MeshExposure
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
+from mbinterval.stochastic_plan import sample_count
 
 _MOST_LISTED = 8
 
@@ -47,7 +48,7 @@ def describe(
     region = check_crop(crop, width, height)
     plan = make_plan(exposure, motion, settings, width, height, region)
     part = "" if crop is None else f", of which {','.join(map(str, region))} is rendered"
-    samples = _count(settings.samples, "sample")
+    samples = _count(sample_count(settings), "sample")
     lines = [f"frame {frame:g}, {width} x {height} pixels{part}, {samples} per pixel"]
     lines += [f"note: {note}" for note in exposure.notes]
     lines += [f"shutter: {_shutter(exposure, scene.fps)}", f"lens: {_lens(exposure)}"]
@@ -59,8 +60,8 @@ def describe(
     lines.append(f"stages: {' '.join(plan.stages)}")
     lines.append(f"kernel options: {' '.join(plan.options)}")
     lines.append(
-        f"tiles of {plan.tile} x {plan.tile} pixels, {_count(plan.layers, 'sample')} at a time, "
-        f"pools of {plan.capacity} records per work-item"
+        f"tiles of {plan.tile} x {plan.tile} pixels, {_count(plan.layers, 'sample')} at a time"
+        + (f", pools of {plan.capacity} records per work-item" if plan.capacity else "")
     )
     return "\n".join([*lines, *_device_lines(motion, plan, device)])
 
@@ -100,6 +101,8 @@ def _lens(exposure: Exposure) -> str:
 
 
 def _occlusion(plan: Plan) -> str:
+    if plan.settings.method != "analytic":
+        return "at point samples"
     if not {"envelope", "mask", "occlude"} & set(plan.stages):
         return "by depth alone, since nothing moves"
     if plan.settings.occlusion == "exact":

@@ -42,8 +42,11 @@ class Film:
     metadata
         What is written into files: frame, shutter, camera, settings, version.
     stats
-        Counts of the render: ``tests``, pairs of a motion path and a sample that were solved, and
-        ``hits``, those of them that gave an interval (exact paths). Not written to files.
+        Counts of the render. Analytic: ``tests``, pairs of a motion path and a sample that were
+        solved, and ``hits``, those of them that gave an interval (exact paths). Point samples,
+        where ``Settings.statistics`` asks for it: ``visited``, samples in pixels that a path may
+        touch, those left after the lens's part of the culling (``stage1``), ``tests`` and
+        ``hits``. Not written to files.
     transparent
         The background was left out of the colour, so that a PNG gets an alpha channel.
     notes

@@ -28,7 +28,7 @@ from mbinterval.tiles import Work, frame_record, packed, tile_grid
 TILE_STAGES = ("scatter", "sample", "shade", "resolve")
 """Stages of the fused kernel, in the order in which it counts their time."""
 
-_COUNTERS = (*TILE_STAGES, "visited", "stage1", "stage2", "tests", "hits")
+_COUNTERS = (*TILE_STAGES, "visited", "stage1", "tests", "hits")
 _ARGUMENTS = (
     *("vertices", "paths", "bounds", "flat", "meshes", "materials", "color", "uv"),
     *("normal", "textures", "texels", "lights", "cameras", "slots", "filter", "shutter"),

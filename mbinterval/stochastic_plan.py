@@ -121,7 +121,7 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
                f"hybrid={settings.hybrid}", "SHADE_HYBRID"),
         Effect("statistics", settings.statistics, f"statistics={settings.statistics}",
                "STATISTICS"),
-        Effect("", True, "", "STOCHASTIC"),
+        Effect("point samples", True, f"method={settings.method!r}", "STOCHASTIC"),
     )  # fmt: skip
 
 

@@ -63,6 +63,7 @@ class Small:
     capacity: int | None = None
 
 
+POINTS = {"method": "stochastic"}
 ROLL = Shutter(rolling="left", line_offset=0.01, line_exposure=0.2, curve="triangle")
 SCENES = {
     "exact": Small(colorful, {"samples": 2}),
@@ -102,6 +103,41 @@ SCENES = {
     "triangulated, pools grow": Small(
         crowd, {"samples": 1, "paths": "triangulated", "occlusion": 32}, capacity=48
     ),
+    "stochastic": Small(colorful, {"samples": 3} | POINTS),
+    "stochastic, lens": Small(colorful, {"samples": 4} | POINTS, Camera(**LENS, blades=5)),
+    "stochastic, behind the eye": Small(
+        lambda: [triangles(8, near=-1.0)], {"samples": 3, "pattern": "random"} | POINTS
+    ),
+    "stochastic, filter": Small(
+        colorful, {"samples": 3, "pattern": "jittered", "filter": "mitchell"} | POINTS
+    ),
+    "stochastic, groups": Small(crowd, {"samples": 66, "pattern": "fixed"} | POINTS),
+    "stochastic, rotated grid": Small(colorful, {"samples": 4, "pattern": "rgss"} | POINTS),
+    "stochastic, interleaved": Small(
+        colorful,
+        {"samples": 3, "pattern": "interleave_uvt", "cull": "interleave_uvt"} | POINTS,
+        Camera(**LENS),
+    ),
+    "stochastic, edges": Small(
+        colorful, {"samples": 2, "test": "edges", "shading_rate": "pixel"} | POINTS
+    ),
+    "stochastic, frameless": Small(
+        colorful, {"samples": 2, "frameless": 3, "hybrid": True} | POINTS,
+        scene={"shutter": ROLL},
+    ),
+    "stochastic, empty": Small(list, {"samples": 1} | POINTS),
+    **{
+        f"culling, {cull}": Small(
+            lambda: [triangles(8, near=-1.0)],
+            {"samples": 4, "cull": cull, "statistics": True} | POINTS,
+            Camera(**LENS),
+        )
+        for cull in ("bbox", "hull", "obb", "pixar", "dual_space", "clip_space",
+                     "clip_space_printed", "trim", "zmax", "zmax_strata")
+    },
+    "accumulation": Small(
+        colorful, {"method": "accumulation", "slices": 3, "samples": 2, "motion_segments": 1}
+    ),
 }  # fmt: skip
 
 
@@ -115,7 +151,8 @@ def plan_of(small: Small) -> tuple[object, object, object]:
               Light("directional", direction=(0.0, -1.0, -1.0)))  # fmt: skip
     options = {"lights": lights, "background": (0.1, 0.2, 0.3)} | small.scene
     scene = Scene(meshes=small.meshes(), camera=small.camera, **options)
-    settings = mb.Settings(**{"tile_size": 16, "texture_samples": 2} | small.settings)
+    fast = {} if "method" in small.settings else {"tile_size": 16, "texture_samples": 2}
+    settings = mb.Settings(**fast | small.settings)
     lines = roll_lines(scene, *SIZE)
     exposure = expose(scene, 1.0, SIZE[0] / SIZE[1], settings.motion_segments, lines)
     motion = lay_out(exposure, *SIZE)
@@ -127,8 +164,11 @@ def render(name: str) -> np.ndarray:
     """The film's pixels ``(9, 13, 4)`` of one of ``SCENES``."""
     from mbinterval.analytic import render_analytic
     from mbinterval.device.runtime import runtime
+    from mbinterval.stochastic import render_stochastic
 
-    return render_analytic(runtime(), *plan_of(SCENES[name])).rgba
+    small = SCENES[name]
+    run = render_stochastic if "method" in small.settings else render_analytic
+    return run(runtime(), *plan_of(small)).rgba
 
 
 def suit_oclgrind() -> None:

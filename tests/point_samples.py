@@ -9,7 +9,8 @@ from kernels import run
 from reference.paths import needs_attributes
 from reference.point_samples import Drawn, nearest_paths
 
-from mbinterval.plan import filter_of, shutter_keys, slots_of
+from mbinterval.plan import shutter_keys
+from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
 from mbinterval.stochastic_plan import sample_count
 

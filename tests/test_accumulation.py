@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from reference.accumulation import render as twin
 from test_hard_cases import CASES, SIZE
 
 import mbinterval as mb
+from mbinterval.plan import segments_of
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.model import Scene
 
@@ -43,7 +45,7 @@ def test_more_slices_come_closer():
     errors = [
         np.sqrt(np.mean((film(of, slices=n, samples=4) - truth) ** 2)) for n in (4, 16, 64, 256)
     ]
-    assert all(b < 0.5 * a for a, b in zip(errors, errors[1:], strict=False))
+    assert all(b < 0.5 * a for a, b in pairwise(errors))
     jittered = film(of, slices=64, samples=4, slice_times="jittered")
     assert np.sqrt(np.mean((jittered - truth) ** 2)) < 3 * errors[2]
     assert not np.array_equal(jittered, film(of, slices=64, samples=4))
@@ -63,8 +65,6 @@ def test_stochastic_passes_follow_a_curve():
 
 
 def test_keyed_motion_has_a_segment_for_each_slice():
-    from mbinterval.plan import segments_of
-
     assert segments_of(mb.Settings(method="accumulation", slices=12)) == 12
     given = mb.Settings(method="accumulation", slices=12, motion_segments=3)
     assert segments_of(given) == 3

@@ -180,7 +180,7 @@ def test_bad_arguments_exit_2_and_name_the_option(api, capsys, arguments, messag
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--samples", "0"], "samples=0: expected a whole number from 1 to 256"),
+        (["--samples", "0"], "samples=0: expected a whole number from 1 to 4096"),
         (["--samples", "2.5"], "samples=2.5: expected a whole number"),
         (["--paths", "wiggly"], "paths='wiggly': expected one of"),
         (["--frames", "1-2", "-o", "a.exr"], "put #### where the frame's number belongs"),
@@ -243,7 +243,7 @@ def test_bad_values_of_a_scene_file_are_the_scenes_fault(job):
     code, _, said = job("[settings]\nsamples = 0", "--samples", "2")
     assert (code, said) == (
         3,
-        "mbinterval: error: s.toml: settings.samples: 0: expected a whole number from 1 to 256\n",
+        "mbinterval: error: s.toml: settings.samples: 0: expected a whole number from 1 to 4096\n",
     )
     code, _, said = job('[render]\nframes = "1..3"\nwidth = 70000\noutput = "a.tif"')
     assert code == 3
@@ -399,3 +399,16 @@ def test_public_names_are_there_and_others_are_not():
 def test_clip_and_frames_per_second_of_a_model_are_passed_on(api, given, clip):
     assert cli.main(["render", "fox.glb", "--clip", given, "--fps", "12.5", "--frames", "1"]) == 0
     assert api.animation == {"clip": clip, "fps": 12.5}
+
+
+def test_stats_are_written_as_json_frame_by_frame(api, tmp_path):
+    import json
+
+    arguments = ["--frames", "1-2", "-o", "f.####.exr", "--stats", "deep/stats.json"]
+    assert cli.main(["render", "s.toml", *arguments, "--method", "stochastic"]) == 0
+    rows = json.loads((tmp_path / "deep/stats.json").read_text())
+    assert [row["frame"] for row in rows] == [1, 2]
+    assert rows[0]["seconds"] == {"paths": 0.25}
+    assert rows[0]["settings"]["method"] == "stochastic"
+    assert api.calls[0]["settings"].statistics is True
+    assert cli.main(["render", "s.toml", "-o", "g.####.exr", "--stats", "."]) == 6

@@ -83,7 +83,8 @@ def logs(python: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str
     folder = tmp_path_factory.mktemp("logs")
 
     def run(name: str) -> str:
-        reads = "grow" not in name
+        # It takes the samples' scratch for unwritten right after a plain store to it.
+        reads = "grow" not in name and "method" not in SCENES[name].settings
         return checked(python, folder, str(HERE / "oclgrind_scenes.py"), name, reads=reads)[0]
 
     with ThreadPoolExecutor(2) as pool:
@@ -102,7 +103,9 @@ def test_another_device_gives_the_same_film(name, logs):
     ours = oclgrind_scenes.render(name)
     assert np.isfinite(ours).all()
     # Without fused functions on the way, but with other sines, logarithms and powers.
-    assert np.abs(other - ours).max() < 1e-5
+    differ = np.abs(other - ours).max(axis=-1) > 1e-5
+    # A point sample at an edge may fall to either side.
+    assert differ.sum() <= (3 if "method" in SCENES[name].settings else 0)
 
 
 @pytest.mark.parametrize(
@@ -116,9 +119,17 @@ def test_what_is_wrong_is_reported(kernel, words, python, tmp_path):
 
 
 def test_the_scenes_run_every_stage():
-    from mbinterval.tiles import TILE_STAGES
+    from mbinterval import stochastic, tiles
 
     seen = set()
     for small in SCENES.values():
         seen |= set(oclgrind_scenes.plan_of(small)[2].stages)
-    assert seen == {"paths", "bin", *TILE_STAGES}
+    assert seen == {
+        "paths",
+        "bin",
+        *tiles.TILE_STAGES,
+        *stochastic.TILE_STAGES,
+        "vertices",
+        "bounds",
+        "rgss",
+    }

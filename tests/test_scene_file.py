@@ -74,7 +74,7 @@ def test_every_error_is_reported_at_once():
         "objects[3]": "give one of file, positions (with faces) and primitive, found none",
         "objects[4]": "expected a table, got 7",
         "settings.oclusion": "unknown field, did you mean occlusion?",
-        "settings.samples": "0: expected a whole number from 1 to 256",
+        "settings.samples": "0: expected a whole number from 1 to 4096",
         "render.width": "expected greater than or equal to 1, got 0",
         "render.height": "expected a whole number, got 1.5",
     }

@@ -17,8 +17,8 @@ WRONG = {
     "occlusion": [128.0, "128", True, 48, None, [128], np.float32(64)],
     "partial_bits": [1, 0, "yes", None, np.True_],
     "max_intervals": [0, 2.0, True, "90", 2**20 + 1],
-    "samples": [0, 257, 4.0, True, "4", None, np.float64(4)],
-    "pattern": ["random", None],
+    "samples": [0, 4097, 4.0, True, "4", None, np.float64(4)],
+    "pattern": ["grid", 3],
     "filter": ["gauss", 2],
     "filter_radius": [0, -1, 8.1, True, "1", float("nan"), float("inf"), [1.0]],
     "texture_samples": [0, 1025, 1.5, False],
@@ -27,6 +27,15 @@ WRONG = {
     "seed": [-1, 2**32, 0.0, None],
     "transparent": [1, "no", None],
     "tile_size": [4, 16.0, True, None, "16"],
+    "cull": ["box", None, True],
+    "cull_tile": [3, 2.0, None],
+    "test": ["guess", None],
+    "shading_rate": ["line", 1],
+    "hybrid": [1, "yes", None],
+    "frameless": [0, 65, 4.0, True],
+    "slices": [0, 4097, 8.0, None],
+    "slice_times": ["now", None],
+    "statistics": [1, "all", None],
 }
 
 

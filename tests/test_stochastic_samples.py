@@ -15,7 +15,7 @@ from test_stochastic_culling import random_scene, same
 from test_stochastic_twin import with_lens
 
 import mbinterval as mb
-from mbinterval.plan import filter_of
+from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.model import Scene, Shutter
 
@@ -121,7 +121,6 @@ def test_fixed_places_are_those_of_the_analytic_method_in_any_order():
     of = drawn(samples=9, pattern="fixed")
     x, y = in_pixel(of)
     slots = mb.Settings(samples=9)
-    from mbinterval.plan import slots_of
 
     want = {(float(s["x_low"]), float(s["y_low"])) for s in slots_of(slots)}
     for row, column in ((0, 0), (17, 30)):

@@ -58,9 +58,10 @@ static Boxes boxes_of(global const Vertex *vertices, Path path, Grid grid)
 
 static inline float least(Lanes a)
 {
-    float8 b = a.lo < a.hi ? a.lo : a.hi;
-    float4 c = b.lo < b.hi ? b.lo : b.hi;
-    return fmin(fmin(c.x, c.y), fmin(c.z, c.w));
+    const float4 *part = (const float4 *)&a;
+    float4 b = part[0] < part[1] ? part[0] : part[1], c = part[2] < part[3] ? part[2] : part[3];
+    b = b < c ? b : c;
+    return fmin(fmin(b.x, b.y), fmin(b.z, b.w));
 }
 
 // Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.

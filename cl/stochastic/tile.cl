@@ -11,7 +11,7 @@
 #include "stochastic/resolve.cl"
 
 // What a work-item counts: ticks of each stage, then samples.
-enum { SCATTER, SAMPLE, SHADE, RESOLVE, VISITED, STAGE1, STAGE2, TESTS, HITS, COUNTERS };
+enum { SCATTER, SAMPLE, SHADE, RESOLVE, VISITED, STAGE1, TESTS, HITS, COUNTERS };
 
 #ifdef HAS_CYCLE_COUNTER
 #define TICKS() __builtin_readcyclecounter()
@@ -132,6 +132,5 @@ kernel void tile(
         clocked(RESOLVE, counters, &clock);
     }
     counters[VISITED] += tile.statistics.visited, counters[STAGE1] += tile.statistics.stage1;
-    counters[STAGE2] += tile.statistics.stage2;
     counters[TESTS] += tile.statistics.tests, counters[HITS] += tile.statistics.hits;
 }

@@ -28,7 +28,7 @@
 
 // What samples count: what was looked at, passed each stage of culling, was tested, and hit.
 typedef struct {
-    ulong visited, stage1, stage2, tests, hits;
+    ulong visited, stage1, tests, hits;
 } Statistics;
 
 typedef struct {
@@ -107,38 +107,29 @@ static inline int pixel_of(int block, int lane)
 
 static inline Lanes load(global const float *values, int index) { return vload16(0, values + index); }
 
+// By parts of four: Oclgrind takes halves of halves for unwritten.
 static inline bool any_lane(LaneMask mask)
 {
-    int8 a = mask.lo | mask.hi;
-    int4 b = a.lo | a.hi;
-    int2 c = b.lo | b.hi;
-    return (c.x | c.y) != 0;
-}
-
-static inline bool all_lanes(LaneMask mask)
-{
-    int8 a = mask.lo & mask.hi;
-    int4 b = a.lo & a.hi;
-    int2 c = b.lo & b.hi;
-    return (c.x & c.y) != 0;
+    const int4 *part = (const int4 *)&mask;
+    int4 any = (part[0] | part[1]) | (part[2] | part[3]);
+    return (any.x | any.y | any.z | any.w) != 0;
 }
 
 static inline float greatest_lane(Lanes a)
 {
-    float8 b = a.lo > a.hi ? a.lo : a.hi;
-    float4 c = b.lo > b.hi ? b.lo : b.hi;
-    float2 d = c.lo > c.hi ? c.lo : c.hi;
-    return d.x > d.y ? d.x : d.y;
+    const float4 *part = (const float4 *)&a;
+    float4 b = part[0] > part[1] ? part[0] : part[1], c = part[2] > part[3] ? part[2] : part[3];
+    b = b > c ? b : c;
+    return fmax(fmax(b.x, b.y), fmax(b.z, b.w));
 }
 
 static inline float least_lane(Lanes a) { return -greatest_lane(-a); }
 
 static inline uint count_lanes(LaneMask mask)
 {
-    int8 a = mask.lo + mask.hi; // true is -1
-    int4 b = a.lo + a.hi;
-    int2 c = b.lo + b.hi;
-    return (uint)-(c.x + c.y);
+    const int4 *part = (const int4 *)&mask;
+    int4 sum = (part[0] + part[1]) + (part[2] + part[3]); // true is -1
+    return (uint)-(sum.x + sum.y + sum.z + sum.w);
 }
 
 #endif
