@@ -74,7 +74,8 @@ def test_what_is_not_asked_for_leaves_no_code():
         try:
             runtime()._build(source, "stochastic/tile.cl", plan.options)
         except KernelBuildError as error:
-            assert "poisoned" in str(error)
+            if "poisoned" not in str(error):
+                raise
             return False
         return True
 
