@@ -73,6 +73,7 @@ def test_its_tables_of_stages_are_what_renders_time():
         {"occlusion": 32},
         {"paths": "triangulated", "occlusion": 32},
         {"samples": 1, "filter": "five_point"},
+        {"method": "stochastic", "pattern": "rgss"},
     )
     for values in ways:
         settings = mbinterval.Settings(**values)
