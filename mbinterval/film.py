@@ -32,7 +32,8 @@ class Film:
         ``(H, W)`` float32: mean distance along the view axis of what is visible, weighted by
         coverage; infinity where nothing is.
     intervals
-        ``(H, W)`` uint32: time intervals met in the pixel, summed over its samples.
+        ``(H, W)`` uint32: time intervals met in the pixel, summed over its samples; of point
+        samples the number of those that see something.
     timings
         Seconds by stage, in the order in which the stages run. Not written to files.
     resolution
