@@ -10,7 +10,6 @@ from reference.accumulation import render as twin
 from test_hard_cases import CASES, SIZE
 
 import mbinterval as mb
-from mbinterval.plan import segments_of
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.model import Scene
 
@@ -62,10 +61,3 @@ def test_stochastic_passes_follow_a_curve():
     ends = replace(of, meshes=[replace(of.meshes[0], positions=of.meshes[0].positions[::8])])
     straight = film(ends, slices=8, samples=16, slice_times="stochastic")
     assert np.sqrt(np.mean((straight - truth) ** 2)) > 0.03
-
-
-def test_keyed_motion_has_a_segment_for_each_slice():
-    assert segments_of(mb.Settings(method="accumulation", slices=12)) == 12
-    given = mb.Settings(method="accumulation", slices=12, motion_segments=3)
-    assert segments_of(given) == 3
-    assert segments_of(mb.Settings()) is None
