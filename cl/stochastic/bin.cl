@@ -1,5 +1,5 @@
-// Stage "bin": which paths may touch which tile. A path's motion is cut into sixteen parts in time, and
-// in each the box of its vertices' ways bounds it on screen.
+// Stage "bin": which paths may touch which tile. A path's motion is cut into sixteen parts in time,
+// and in each the box of its vertices' ways bounds it on screen.
 //
 // Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in the order
 // given, in any run and on any number of threads.
@@ -33,7 +33,8 @@ static Boxes boxes_of(global const Vertex *vertices, Path path, Grid grid)
         Vertex q = vertices[corner[i]], r = vertices[corner[i] + path.step];
         double size = exp2(-floor(log2(fmax(fmax(fabs(q.w), fabs(r.w)), 1e-37))));
         float x = (float)(size * (q.x - grid.x * q.w)), y = (float)(size * (q.y - grid.y * q.w));
-        float dx = (float)(size * (r.x - grid.x * r.w)) - x, dy = (float)(size * (r.y - grid.y * r.w)) - y;
+        float dx = (float)(size * (r.x - grid.x * r.w)) - x;
+        float dy = (float)(size * (r.y - grid.y * r.w)) - y;
         float w = (float)(size * q.w), dw = (float)(size * r.w) - w;
         float slack = 0x1p-18f * (fabs(x) + fabs(dx) + fabs(y) + fabs(dy));
         float circle = 0.0f;
@@ -45,8 +46,10 @@ static Boxes boxes_of(global const Vertex *vertices, Path path, Grid grid)
             Lanes now = w + t * dw, over = 1.0f / now, blur = (circle + slack) * over + 1e-3f;
             Lanes px = (x + t * dx) * over, py = (y + t * dy) * over;
             behind |= !(now > 1e-6f);
-            boxes.left = lanes_min(boxes.left, px - blur), boxes.right = lanes_max(boxes.right, px + blur);
-            boxes.top = lanes_min(boxes.top, py - blur), boxes.bottom = lanes_max(boxes.bottom, py + blur);
+            boxes.left = lanes_min(boxes.left, px - blur),
+            boxes.right = lanes_max(boxes.right, px + blur);
+            boxes.top = lanes_min(boxes.top, py - blur),
+            boxes.bottom = lanes_max(boxes.bottom, py + blur);
         }
     }
     boxes.left = behind ? (Lanes)(-INFINITY) : boxes.left;
@@ -80,7 +83,8 @@ static void bin_chunk(global const Vertex *vertices, global const Path *paths,
         int first = (int)fmin(fmax(top, 0.0f), (float)grid.rows);
         int last = (int)fmax(fmin(bottom, grid.rows - 1.0f), -1.0f);
         for (int row = first; row <= last; row++) {
-            LaneMask in = (boxes.top <= row * TILE + after) & (boxes.bottom >= row * TILE + grid.low);
+            LaneMask in = (boxes.top <= row * TILE + after)
+                & (boxes.bottom >= row * TILE + grid.low);
             float left = ceil((least(in ? boxes.left : (Lanes)(INFINITY)) - after) / TILE);
             float right = floor((-least(in ? -boxes.right : (Lanes)(INFINITY)) - grid.low) / TILE);
             int from = (int)fmin(fmax(left, 0.0f), (float)grid.columns);

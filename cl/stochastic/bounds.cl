@@ -1,9 +1,11 @@
-// Stage "bounds": what a path's vertices say about all samples, and the colour of paths that have one.
+// Stage "bounds": what a path's vertices say about all samples, and the colour of paths that have
+// one.
 #include "shared/scene.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
-// Power of two that brings everything in a frame of so many pixels near 1: float32 must hold products.
+// Power of two that brings everything in a frame of so many pixels near 1: float32 must hold
+// products.
 static float power_of_two_for(double most) { return (float)exp2(-floor(log2(fmax(most, 1e-37)))); }
 
 static double determinant(double3 a, double3 b, double3 c)
@@ -12,8 +14,8 @@ static double determinant(double3 a, double3 b, double3 c)
            + a.z * (b.x * c.y - b.y * c.x);
 }
 
-// Least Bernstein coefficient over the motion of the determinant of the vertices, whose rows are q but
-// for one column, 0 or 1, that is the circle of confusion where `column` says so.
+// Least Bernstein coefficient over the motion of the determinant of the vertices, whose rows are q
+// but for one column, 0 or 1, that is the circle of confusion where `column` says so.
 static void determinants(const double3 *q, const double *circle, int column, double *d)
 {
     double3 p[6];
@@ -30,7 +32,8 @@ static void determinants(const double3 *q, const double *circle, int column, dou
     }
 }
 
-// Whether only the back is seen, from any point of the lens, by more than the sample test may round.
+// Whether only the back is seen, from any point of the lens, by more than the sample test may
+// round.
 static bool faces_away(const double3 *q, const double *circle)
 {
     double3 middle = 0.0;

@@ -1,20 +1,20 @@
-// A moving triangle in the coordinates of a tile, and whether it covers a sample: the one test that all
-// culling methods share, so that they give the same bits.
+// A moving triangle in the coordinates of a tile, and whether it covers a sample: the one test that
+// all culling methods share, so that they give the same bits.
 //
-// At a sample (x, y, t, u, v) the vertices are those of time t, seen from the point (u, v) of the lens
-// and shifted to the sample: p = (X w - x w, Y w - y w), from which the edge functions are three cross
-// products (after Laine & Karras 2011: about 25 multiply-adds; the report was not at hand). Where all
-// are of one sign the sample lies in the triangle or in its mirror image behind the eye; the depth,
-// sum of e_i w_i over sum of e_i, tells which by its sign.
+// At a sample (x, y, t, u, v) the vertices are those of time t, seen from the point (u, v) of the
+// lens and shifted to the sample: p = (X w - x w, Y w - y w), from which the edge functions are
+// three cross products (after Laine & Karras 2011: about 25 multiply-adds; the report was not at
+// hand). Where all are of one sign the sample lies in the triangle or in its mirror image behind
+// the eye; the depth, sum of e_i w_i over sum of e_i, tells which by its sign.
 //
-// TEST_EDGES has time-dependent edge functions instead (Akenine-Moeller et al. 2007, 3.3.2), a t^2 + b t + c
-// for each coefficient, of vertices in order of position; they know no lens.
+// TEST_EDGES has time-dependent edge functions instead (Akenine-Moeller et al. 2007, 3.3.2), a t^2
+// + b t + c for each coefficient, of vertices in order of position; they know no lens.
 //
-// Faces at a shared edge find the same vertices, in one tile, bit by bit. The sign of a difference of
-// two rounded products is never wrong, but may be lost; then it is decided in double precision, where
-// a product of two floats is exact. An edge that runs through the sample is decided as if the sample
-// lay at (x + eps, y + eps^2). So a closed sheet covers each sample once, by exact rules for the
-// rounded vertices.
+// Faces at a shared edge find the same vertices, in one tile, bit by bit. The sign of a difference
+// of two rounded products is never wrong, but may be lost; then it is decided in double precision,
+// where a product of two floats is exact. An edge that runs through the sample is decided as if the
+// sample lay at (x + eps, y + eps^2). So a closed sheet covers each sample once, by exact rules for
+// the rounded vertices.
 #ifndef MB_MOVING_H
 #define MB_MOVING_H
 
@@ -27,7 +27,8 @@ typedef struct {
     float c[3], dc[3];         // circle of confusion
 #endif
 #ifdef TEST_EDGES
-    float edge[3][3][3];       // of edge i, factor of x, y and 1, the coefficients of 1, tau and tau^2
+    // of edge i, factor of x, y and 1, the coefficients of 1, tau and tau^2
+    float edge[3][3][3];
 #endif
     float open, close, rate;   // of its motion segment, in the shutter; one over its length
     float size;                // to undo the scale
@@ -72,7 +73,8 @@ static void edge_over_time(const double3 *q, const double3 *r, int i, float coef
     int a = (i + 1) % 3, b = (i + 2) % 3;
     bool reversed = comes_before(q[b], r[b], q[a], r[a]);
     if (reversed) a = b, b = (i + 1) % 3;
-    double3 h = cross(q[a], q[b]), end = cross(r[a], r[b]), m = cross(q[a], r[b]) + cross(r[a], q[b]);
+    double3 h = cross(q[a], q[b]), end = cross(r[a], r[b]);
+    double3 m = cross(q[a], r[b]) + cross(r[a], q[b]);
     double3 g = m - 2.0 * h, f = h - m + end;
     double sign = reversed ? -1.0 : 1.0;
     const double3 terms[3] = {sign * h, sign * g, sign * f};
@@ -180,7 +182,8 @@ static LaneMask exact_hits(LaneMask unsure, const Lanes3 *p, bool single_sided)
     float v[9][LANES];
     int mask[LANES];
     for (int i = 0; i < 3; i++)
-        vstore16(p[i].x, 0, v[3 * i]), vstore16(p[i].y, 0, v[3 * i + 1]), vstore16(p[i].z, 0, v[3 * i + 2]);
+        vstore16(p[i].x, 0, v[3 * i]), vstore16(p[i].y, 0, v[3 * i + 1]),
+        vstore16(p[i].z, 0, v[3 * i + 2]);
     vstore16(unsure, 0, mask);
     for (int k = 0; k < LANES; k++) {
         if (!mask[k]) continue;

@@ -23,8 +23,8 @@ static float4 over_background(float4 color, size_t out, const Frame *frame,
 }
 
 #ifdef WEIGHTED
-// A filter with negative lobes: samples weigh FILTER_MASS times their sign, and what a pixel's samples lack
-// of SAMPLES together is spread evenly.
+// A filter with negative lobes: samples weigh FILTER_MASS times their sign, and what a pixel's
+// samples lack of SAMPLES together is spread evenly.
 static void weigh(const Tile *tile, int pixel)
 {
     float lacking = 1.0f - FILTER_MASS * tile->sign_sum[pixel] * (1.0f / SAMPLES);
@@ -35,7 +35,8 @@ static void weigh(const Tile *tile, int pixel)
 
 #ifdef PATTERN_RGSS
 
-// Keep all samples of the tile's pixels for the filter, which reaches into neighbours: colour, and depth.
+// Keep all samples of the tile's pixels for the filter, which reaches into neighbours: colour, and
+// depth.
 static void resolve(const Tile *tile, Frame frame, global const float *background,
                     global float4 *rgba, global float *depth, global uint *seen)
 {

@@ -1,10 +1,10 @@
-// Stage "rgss": a pixel's four samples and the nearest one of each of its four neighbours, weighed 5/32 and
-// 3/32 (Akenine-Moeller et al. 2007, 3.2, Equation 1).
+// Stage "rgss": a pixel's four samples and the nearest one of each of its four neighbours, weighed
+// 5/32 and 3/32 (Akenine-Moeller et al. 2007, 3.2, Equation 1).
 #include "stochastic/resolve.cl"
 
-// Sample of the pixel at (x, y) that lies nearest to its neighbour at (x + dx, y + dy): the one in the
-// column or row next to it. scatter.cl puts sample l of that pixel at place l ^ (x & 1 | (y & 1) << 1) of
-// the rotated grid, whose places have the columns 1, 3, 0, 2 and the rows 0, 1, 2, 3.
+// Sample of the pixel at (x, y) that lies nearest to its neighbour at (x + dx, y + dy): the one in
+// the column or row next to it. scatter.cl puts sample l of that pixel at place l ^ (x & 1 | (y &
+// 1) << 1) of the rotated grid, whose places have the columns 1, 3, 0, 2 and the rows 0, 1, 2, 3.
 static int nearest_sample(int x, int y, int dx, int dy)
 {
     int place = dx < 0 ? 2 : dx > 0 ? 1 : dy < 0 ? 0 : 3;
@@ -12,7 +12,8 @@ static int nearest_sample(int x, int y, int dx, int dy)
 }
 
 // `kept` is one pixel wider on each side than the film.
-kernel void rgss(global const float4 *colors, global const float *depths, global const uint *kept_seen,
+kernel void rgss(global const float4 *colors, global const float *depths,
+                 global const uint *kept_seen,
                  global const float *background, global float4 *rgba, global float *depth,
                  global uint *seen, Frame frame)
 {

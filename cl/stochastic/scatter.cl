@@ -1,4 +1,5 @@
-// Stage "scatter": where, when and through which point of the lens each sample of a group of slabs looks.
+// Stage "scatter": where, when and through which point of the lens each sample of a group of slabs
+// looks.
 //
 // Sobol points are stratified in time and on the lens jointly: these are the first three dimensions
 // where there is a lens, time and place where there is none. Other patterns draw each effect's
@@ -8,8 +9,8 @@
 #include "shared/lens.h"
 #include "shared/shutter.h"
 
-// Points of sixteen pixels: place in the pixel, share of the light that has passed, place on the lens's
-// unit square.
+// Points of sixteen pixels: place in the pixel, share of the light that has passed, place on the
+// lens's unit square.
 typedef struct {
     Lanes x, y, t, u, v;
 } Drawn;
@@ -55,7 +56,8 @@ static uint16 permuted(uint l, uint16 seed)
 #define GRID_Y (SAMPLES / GRID_X)
 
 // A random point in the cell of that number of a grid of GRID_X x GRID_Y.
-static inline void jitter_in_cell(uint16 cell, uint l, uint16 seed_x, uint16 seed_y, Lanes *x, Lanes *y)
+static inline void jitter_in_cell(uint16 cell, uint l, uint16 seed_x, uint16 seed_y, Lanes *x,
+                                  Lanes *y)
 {
     *x = (convert_float16(cell % GRID_X) + hashed(l, seed_x)) * (1.0f / GRID_X);
     *y = (convert_float16(cell / GRID_X) + hashed(l, seed_y)) * (1.0f / GRID_Y);
@@ -71,10 +73,13 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.x = d.y = 0.0f;
 #if defined(PATTERN_SOBOL)
 #ifdef LENS
-    d.u = scrambled(sobol_reversed(l, 1), seeds->u), d.v = scrambled(sobol_reversed(l, 2), seeds->v);
-    d.x = scrambled(sobol_reversed(l, 3), seeds->x), d.y = scrambled(sobol_reversed(l, 4), seeds->y);
+    d.u = scrambled(sobol_reversed(l, 1), seeds->u),
+    d.v = scrambled(sobol_reversed(l, 2), seeds->v);
+    d.x = scrambled(sobol_reversed(l, 3), seeds->x),
+    d.y = scrambled(sobol_reversed(l, 4), seeds->y);
 #else
-    d.x = scrambled(sobol_reversed(l, 1), seeds->x), d.y = scrambled(sobol_reversed(l, 2), seeds->y);
+    d.x = scrambled(sobol_reversed(l, 1), seeds->x),
+    d.y = scrambled(sobol_reversed(l, 2), seeds->y);
 #endif
 #elif defined(PATTERN_RANDOM)
     d.t = hashed(l, seeds->t);
@@ -90,9 +95,11 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     for (int i = 0; i < LANES; i++)
         x[i] = tile->scene.slots[slot[i]].x_low, y[i] = tile->scene.slots[slot[i]].y_low;
     d.x = vload16(0, x), d.y = vload16(0, y);
-    d.u = scrambled(sobol_reversed(l, 1), seeds->u), d.v = scrambled(sobol_reversed(l, 2), seeds->v);
+    d.u = scrambled(sobol_reversed(l, 1), seeds->u),
+    d.v = scrambled(sobol_reversed(l, 2), seeds->v);
 #elif defined(PATTERN_INTERLEAVE_UVT)
-    d.x = scrambled(sobol_reversed(l, 3), seeds->x), d.y = scrambled(sobol_reversed(l, 4), seeds->y);
+    d.x = scrambled(sobol_reversed(l, 3), seeds->x),
+    d.y = scrambled(sobol_reversed(l, 4), seeds->y);
 #elif defined(PATTERN_SLICES)
     // All pixels alike: sample l belongs to one of SLICES times and points of the lens.
     const uint each = SAMPLES / SLICES, slice = l / each;
@@ -113,12 +120,12 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 }
 
 #ifdef PATTERN_RGSS
-// Akenine-Moeller et al. 2007, 3.2: four samples on a rotated grid, sample l at a time in [l, l + 1) / 4.
-// Quads of 2 x 2 pixels share that time, which lies in the first half of its quarter or in the second,
-// as on a chess board; for l = 1, 2, 3 quads begin one pixel to the right, below, and both. Where a
-// sample lies in its pixel repeats every 2 x 2 pixels, so that with the four nearest samples of
-// neighbours (rgss.cl) a pixel has eight times, and no two samples of one quarter share a row or a column.
-// (This arrangement is one of the four that exist.)
+// Akenine-Moeller et al. 2007, 3.2: four samples on a rotated grid, sample l at a time in [l, l +
+// 1) / 4. Quads of 2 x 2 pixels share that time, which lies in the first half of its quarter or in
+// the second, as on a chess board; for l = 1, 2, 3 quads begin one pixel to the right, below, and
+// both. Where a sample lies in its pixel repeats every 2 x 2 pixels, so that with the four nearest
+// samples of neighbours (rgss.cl) a pixel has eight times, and no two samples of one quarter share
+// a row or a column. (This arrangement is one of the four that exist.)
 static void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y, Drawn *d)
 {
     int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
@@ -135,9 +142,9 @@ static void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, Lanes pix
 #endif
 
 #ifdef PATTERN_INTERLEAVE_UVT
-// Fatahalian et al. 2009: four times as many pairs of a time and a lens point as a pixel has samples, the
-// same in every tile of 2 x 2 pixels; which of the tile's pixels has which pair is drawn anew for
-// each tile, within each four that follow one another in time.
+// Fatahalian et al. 2009: four times as many pairs of a time and a lens point as a pixel has
+// samples, the same in every tile of 2 x 2 pixels; which of the tile's pixels has which pair is
+// drawn anew for each tile, within each four that follow one another in time.
 static void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y, Drawn *d)
 {
     int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
@@ -156,7 +163,8 @@ static void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixe
     uint index[LANES];
     vstore16(pair, 0, index);
     for (int i = 0; i < LANES; i++) {
-        t[i] = (index[i] + (mix_bits(frame ^ index[i] * 0x9e3779b9u) >> 8) * 0x1p-24f) * (0.25f / SAMPLES);
+        t[i] = (index[i]
+                + (mix_bits(frame ^ index[i] * 0x9e3779b9u) >> 8) * 0x1p-24f) * (0.25f / SAMPLES);
         u[i] = scrambled(sobol_reversed(index[i], 1), (uint16)(frame + 1u)).s0;
         v[i] = scrambled(sobol_reversed(index[i], 2), (uint16)(mix_bits(frame + 2u))).s0;
     }
@@ -226,8 +234,8 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
 }
 
 #ifdef REORDERED
-// What samples of a pixel are ordered by, so that those of a slab are alike: time; the lens, along a
-// Z-shaped curve of its cells; or both.
+// What samples of a pixel are ordered by, so that those of a slab are alike: time; the lens, along
+// a Z-shaped curve of its cells; or both.
 static inline uint16 order_key(Lanes t, Lanes u, Lanes v)
 {
 #ifdef LENS

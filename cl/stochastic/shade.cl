@@ -1,9 +1,10 @@
-// Stage "shade": the colours of a group's samples, summed into their pixels in order of their slabs.
+// Stage "shade": the colours of a group's samples, summed into their pixels in order of their
+// slabs.
 //
-// Where colour varies over a surface it is found for each sample, or once for all samples of a pixel that
-// see the same triangle, at their mean place and time, as multisampling does (SHADE_PIXEL; with
-// SHADE_HYBRID only what does not move, Akenine-Moeller et al. 2007, 5). Samples are points, which is why
-// textures are read at their finest level.
+// Where colour varies over a surface it is found for each sample, or once for all samples of a
+// pixel that see the same triangle, at their mean place and time, as multisampling does
+// (SHADE_PIXEL; with SHADE_HYBRID only what does not move, Akenine-Moeller et al. 2007, 5). Samples
+// are points, which is why textures are read at their finest level.
 #include "stochastic/moving.h"
 #include "shared/attributes.h"
 
@@ -73,8 +74,8 @@ static void load_surface(const Tile *tile, uint path, Surface *surface)
 }
 
 // Colours of the surface at samples, `count` of which matter.
-static Lanes3 surface_colors(const Tile *tile, const Surface *surface, const Samples *samples, Lanes w,
-                             int count)
+static Lanes3 surface_colors(const Tile *tile, const Surface *surface, const Samples *samples,
+                             Lanes w, int count)
 {
     const Moving *m = &surface->moving;
     const Shaded *s = &surface->shaded;
@@ -112,7 +113,8 @@ static Lanes3 surface_colors(const Tile *tile, const Surface *surface, const Sam
     return color;
 }
 
-// The samples of `list`, the last one repeated where there are fewer than sixteen; w is their depth.
+// The samples of `list`, the last one repeated where there are fewer than sixteen; w is their
+// depth.
 static Samples gather_listed(const Tile *tile, const int *list, int count, Lanes *w)
 {
     float value[LANES];
@@ -165,7 +167,8 @@ static Samples mean_of_listed(const Tile *tile, const int *list, int count, Lane
 
 static inline float4 color_of_lane(const Lanes3 *color, int i)
 {
-    return (float4)(((const float *)&color->x)[i], ((const float *)&color->y)[i], ((const float *)&color->z)[i], 1.0f);
+    return (float4)(((const float *)&color->x)[i], ((const float *)&color->y)[i],
+                    ((const float *)&color->z)[i], 1.0f);
 }
 
 // Colour of each listed sample of one pixel, all of the same path.
@@ -203,7 +206,8 @@ static void color_pixel(const Tile *tile, int pixel, Surface *surface, float4 *c
         int list[SLABS], count = 0;
         float4 found[SLABS];
         for (int k = slab; k < tile->slabs; k++)
-            if (tile->owners[k * SLAB + pixel] == owner) list[count++] = k * SLAB + pixel, done[k] = true;
+            if (tile->owners[k * SLAB + pixel] == owner)
+                list[count++] = k * SLAB + pixel, done[k] = true;
         if (surface->path != owner) load_surface(tile, owner, surface);
         color_samples(tile, surface, list, count, found);
         for (int i = 0; i < count; i++) colors[list[i] / SLAB] = found[i];
@@ -217,7 +221,8 @@ static void shade(Tile *tile)
     float4 colors[SLABS];
     for (int pixel = 0; pixel < SLAB; pixel++) {
         color_pixel(tile, pixel, &surface, colors);
-        for (int slab = 0; slab < tile->slabs; slab++) add_sample(tile, slab * SLAB + pixel, colors[slab]);
+        for (int slab = 0; slab < tile->slabs; slab++)
+            add_sample(tile, slab * SLAB + pixel, colors[slab]);
     }
 }
 

@@ -1,9 +1,9 @@
 // Point sets for one pixel, sixteen pixels at a time.
 //
-// Point l of N is (l + a random number) / N in its first dimension; the others are dimensions 1 to 4 of
-// the Sobol sequence (directions of Joe & Kuo 2008), Owen-scrambled by hashing (Laine & Karras
-// 2011; constants of Vegdahl 2021). With the first two of them the set is a (0, m, 3)-net for N = 2^m:
-// of every elementary box of volume 1/N each holds one point.
+// Point l of N is (l + a random number) / N in its first dimension; the others are dimensions 1 to
+// 4 of the Sobol sequence (directions of Joe & Kuo 2008), Owen-scrambled by hashing (Laine & Karras
+// 2011; constants of Vegdahl 2021). With the first two of them the set is a (0, m, 3)-net for N =
+// 2^m: of every elementary box of volume 1/N each holds one point.
 #ifndef MB_SOBOL_H
 #define MB_SOBOL_H
 
@@ -65,6 +65,9 @@ static inline Lanes scrambled(uint reversed, uint16 seed)
 }
 
 // A random number that belongs to l and the seed.
-static inline Lanes hashed(uint l, uint16 seed) { return unit_lanes(mix_lanes(seed ^ l * 0x9e3779b9u)); }
+static inline Lanes hashed(uint l, uint16 seed)
+{
+    return unit_lanes(mix_lanes(seed ^ l * 0x9e3779b9u));
+}
 
 #endif

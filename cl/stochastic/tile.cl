@@ -1,7 +1,6 @@
-// The stochastic path, tile by tile. Each work-item takes tiles from a queue until it is empty and runs
-// the stages on them in order:
+// The stochastic path, tile by tile. Each work-item takes tiles from a queue until it is empty and
+// runs the stages on them in order:
 //
-//     scatter -> sample -> shade -> resolve
 //
 // the first three for one group of slabs after the other.
 #include "stochastic/tile.h"
@@ -67,7 +66,8 @@ static void place_frame(Tile *tile, TileGrid grid)
     tile->middle_x = 0.5f * grid.width - x, tile->middle_y = 0.5f * grid.height - y;
     tile->clip_scale = 2.0f / grid.height;
     tile->frame.left = grid.reach_low - x, tile->frame.right = grid.width - 1 + grid.reach_high - x;
-    tile->frame.top = grid.reach_low - y, tile->frame.bottom = grid.height - 1 + grid.reach_high - y;
+    tile->frame.top = grid.reach_low - y,
+    tile->frame.bottom = grid.height - 1 + grid.reach_high - y;
 }
 
 #define SCRATCH 7 // floats per sample
@@ -121,8 +121,10 @@ kernel void tile(
         uint index = queue[k];
         tile.x = grid.x + (int)(index % grid.columns) * TILE;
         tile.y = grid.y + (int)(index / grid.columns) * TILE;
-        tile.x_low = max(frame.x - tile.x, 0), tile.x_high = min(frame.x + frame.width - tile.x, TILE);
-        tile.y_low = max(frame.y - tile.y, 0), tile.y_high = min(frame.y + frame.height - tile.y, TILE);
+        tile.x_low = max(frame.x - tile.x, 0),
+        tile.x_high = min(frame.x + frame.width - tile.x, TILE);
+        tile.y_low = max(frame.y - tile.y, 0),
+        tile.y_high = min(frame.y + frame.height - tile.y, TILE);
         place_frame(&tile, grid);
         tile.members = members + starts[index];
         tile.member_count = starts[index + 1] - starts[index];

@@ -1,16 +1,16 @@
-// What one work-item knows while it renders a tile by point samples: the scene, the tile's place, and
-// scratch memory that is used again for the next tile.
+// What one work-item knows while it renders a tile by point samples: the scene, the tile's place,
+// and scratch memory that is used again for the next tile.
 //
 // A tile is 16 blocks of 4 x 4 pixels, the lanes of a vector. Its samples lie slab by slab: a slab
-// holds one sample of every pixel, all from a short stretch of time and, with a lens, a small part of
-// it. Slabs are worked on SLABS at a time, so that they stay in cache. Coordinates are relative to the
-// middle of the tile, so that float32 is exact where it matters.
+// holds one sample of every pixel, all from a short stretch of time and, with a lens, a small part
+// of it. Slabs are worked on SLABS at a time, so that they stay in cache. Coordinates are relative
+// to the middle of the tile, so that float32 is exact where it matters.
 //
-// The plan defines: SAMPLES (per pixel), SLABS, the pattern (PATTERN_RANDOM ...), the test (TEST_EDGES
-// or none), the culling method (CULL_BBOX ...), and a macro for each effect that the scene calls for:
-// MOVING, LENS, SINGLE_SIDED, PHONG, POINT_LIGHTS, TEXTURED, VERTEX_COLOR, FACE_COLOR,
-// BACKGROUND_IMAGE, TRANSPARENT, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING,
-// ROLLING_COLUMNS, STATISTICS.
+// The plan defines: SAMPLES (per pixel), SLABS, the pattern (PATTERN_RANDOM ...), the test
+// (TEST_EDGES or none), the culling method (CULL_BBOX ...), and a macro for each effect that the
+// scene calls for: MOVING, LENS, SINGLE_SIDED, PHONG, POINT_LIGHTS, TEXTURED, VERTEX_COLOR,
+// FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE,
+// ROLLING, ROLLING_COLUMNS, STATISTICS.
 #ifndef MB_STOCHASTIC_TILE_H
 #define MB_STOCHASTIC_TILE_H
 
@@ -105,7 +105,10 @@ static inline int pixel_of(int block, int lane)
     return (block / (TILE / BLOCK) * BLOCK + lane / BLOCK) * TILE + x;
 }
 
-static inline Lanes load(global const float *values, int index) { return vload16(0, values + index); }
+static inline Lanes load(global const float *values, int index)
+{
+    return vload16(0, values + index);
+}
 
 // By parts of four: Oclgrind takes halves of halves for unwritten.
 static inline bool any_lane(LaneMask mask)

@@ -1,4 +1,5 @@
-// Culling method "bbox": every sample of the pixels that the path's box on screen touches is tested.
+// Culling method "bbox": every sample of the pixels that the path's box on screen touches is
+// tested.
 #include "stochastic/cull/box.h"
 
 typedef struct {

@@ -1,7 +1,8 @@
-// Culling method "best": what is fastest on a CPU. In each slab the samples come from a short stretch
-// of time and a part of the lens: the box of the vertices' ways in it, found for sixteen slabs at once,
-// says which blocks of 4 x 4 pixels to test. Paths come from near to far, and what lies behind all that
-// a tile, a slab or a block has seen so far is left out (Akenine-Moeller et al. 2007, 3.4).
+// Culling method "best": what is fastest on a CPU. In each slab the samples come from a short
+// stretch of time and a part of the lens: the box of the vertices' ways in it, found for sixteen
+// slabs at once, says which blocks of 4 x 4 pixels to test. Paths come from near to far, and what
+// lies behind all that a tile, a slab or a block has seen so far is left out (Akenine-Moeller et
+// al. 2007, 3.4).
 #include "stochastic/test.h"
 
 // For sixteen slabs: blocks that the triangle may touch, and the least depth that it may have.
@@ -11,7 +12,8 @@ typedef struct {
 } Touched;
 
 // Least and greatest place on screen of a vertex at one time and anywhere on a part of the lens.
-static inline void widen(Lanes place, Lanes blur_low, Lanes blur_high, Lanes slack, Lanes *low, Lanes *high)
+static inline void widen(Lanes place, Lanes blur_low, Lanes blur_high, Lanes slack, Lanes *low,
+                         Lanes *high)
 {
     *low = lanes_min(*low, place + blur_low - slack);
     *high = lanes_max(*high, place + blur_high + slack);
@@ -31,9 +33,11 @@ static void touched_by(const Tile *tile, const Moving *m, int first, Touched *ou
             near = lanes_min(near, w);
 #ifdef LENS
             Lanes circle = (m->c[i] + tau * m->dc[i]) * over;
-            Lanes a = circle * vload16(0, tile->u_low + first), b = circle * vload16(0, tile->u_high + first);
+            Lanes a = circle * vload16(0, tile->u_low + first);
+            Lanes b = circle * vload16(0, tile->u_high + first);
             widen(x, lanes_min(a, b), lanes_max(a, b), slack, &left, &right);
-            a = circle * vload16(0, tile->v_low + first), b = circle * vload16(0, tile->v_high + first);
+            a = circle * vload16(0, tile->v_low + first),
+            b = circle * vload16(0, tile->v_high + first);
             widen(y, lanes_min(a, b), lanes_max(a, b), slack, &top, &bottom);
 #else
             widen(x, (Lanes)(0.0f), (Lanes)(0.0f), slack, &left, &right);

@@ -16,10 +16,10 @@ typedef struct {
 
 constant Stratum EVERYTHING = {{0.0f, 1.0f}, {-1.0f, 1.0f}, {-1.0f, 1.0f}};
 
-// Bounds along one axis of points (p, w), which may be as far as `p_low` and `p_high`. Where some lie
-// behind the eye the bound is infinite on each side on which the hull of all meets the eye's plane: that
-// is where a line between one before it and one behind it does (what Laine et al. 2011, 3.1, find by a
-// separating line).
+// Bounds along one axis of points (p, w), which may be as far as `p_low` and `p_high`. Where some
+// lie behind the eye the bound is infinite on each side on which the hull of all meets the eye's
+// plane: that is where a line between one before it and one behind it does (what Laine et al. 2011,
+// 3.1, find by a separating line).
 static void project_extent(const float *p_low, const float *p_high, const float *w, int count,
                            float slack, float *low, float *high)
 {
@@ -31,8 +31,10 @@ static void project_extent(const float *p_low, const float *p_high, const float 
         *high = fmax(*high, (p_high[i] + slack) / w[i] + 1e-3f);
         for (int k = 0; k < count; k++) {
             if (w[k] > slack) continue;
-            if ((p_high[i] + slack) * (slack - w[k]) + (p_high[k] + slack) * w[i] >= 0.0f) *high = INFINITY;
-            if ((p_low[i] - slack) * (slack - w[k]) + (p_low[k] - slack) * w[i] <= 0.0f) *low = -INFINITY;
+            if ((p_high[i] + slack) * (slack - w[k]) + (p_high[k] + slack) * w[i] >= 0.0f)
+                *high = INFINITY;
+            if ((p_low[i] - slack) * (slack - w[k]) + (p_low[k] - slack) * w[i] <= 0.0f)
+                *low = -INFINITY;
         }
     }
 }
@@ -58,7 +60,8 @@ static Box screen_box(const Moving *m, const Stratum *s)
     return box;
 }
 
-// Tiles of CULL_TILE x CULL_TILE pixels: the middle of each lane's, and half of what its samples span.
+// Tiles of CULL_TILE x CULL_TILE pixels: the middle of each lane's, and half of what its samples
+// span.
 #ifndef CULL_TILE
 #define CULL_TILE 1
 #endif

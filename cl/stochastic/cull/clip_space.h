@@ -1,15 +1,15 @@
 // Culling method "clip_space": two stages per pixel (Wu et al. 2015; Wu 2013), corrected.
 //
-// p_k(t, u) = x_k(t) + u c_k(t) - X w_k(t) is corner k relative to the pixel: bilinear. A sample can be
-// hit only where p is not above zero for all three corners, nor below. Stage I leaves out the u at which all
-// six corners, of both ends, lie on one side. Stage II bounds p from below and above by the bilinear
-// blend of its least and greatest over the corners at t = 0, 1 and u = -1, 1; that bound's zero, t(u), is a
-// rational function, which a line bounds: the chord where it bends away from what is kept, else the
-// tangent at u = 0. The other axis has v.
+// p_k(t, u) = x_k(t) + u c_k(t) - X w_k(t) is corner k relative to the pixel: bilinear. A sample
+// can be hit only where p is not above zero for all three corners, nor below. Stage I leaves out
+// the u at which all six corners, of both ends, lie on one side. Stage II bounds p from below and
+// above by the bilinear blend of its least and greatest over the corners at t = 0, 1 and u = -1, 1;
+// that bound's zero, t(u), is a rational function, which a line bounds: the chord where it bends
+// away from what is kept, else the tangent at u = 0. The other axis has v.
 //
-// As printed, stage II has the chord for a greatest and the tangent for a least time, of the corners'
-// own times, whatever way they bend; a triangle that grows about a pixel has corners' times outside of
-// [0, 1] and covers it all the same; and there are poles: see clip_space_printed.
+// As printed, stage II has the chord for a greatest and the tangent for a least time, of the
+// corners' own times, whatever way they bend; a triangle that grows about a pixel has corners'
+// times outside of [0, 1] and covers it all the same; and there are poles: see clip_space_printed.
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -35,14 +35,15 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return true;
 }
 
-// Values of all corners relative to the pixels along one axis, pushed apart by what the pixel spans:
-// at both ends (k < 3, k >= 3), the least and the greatest.
+// Values of all corners relative to the pixels along one axis, pushed apart by what the pixel
+// spans: at both ends (k < 3, k >= 3), the least and the greatest.
 typedef struct {
     Lanes least[6], most[6];
     float circle[6];
 } Relative;
 
-static void relative_to(const Moving *m, const float *p, const float *dp, Lanes place, float size, Relative *r)
+static void relative_to(const Moving *m, const float *p, const float *dp, Lanes place, float size,
+                        Relative *r)
 {
     for (int k = 0; k < 6; k++) {
         int i = k % 3;
@@ -69,15 +70,16 @@ static void leave_out_above(const Lanes *a, const float *c, float sign, Lanes *l
         else if (slope > 0.0f) from = lanes_max(from, -value / slope);
         else to = lanes_min(to, -value / slope);
     }
-    // An end of the lens lies in there when all are above zero: then what is kept begins at the other.
+    // An end of the lens lies in there when all are above zero: then what is kept begins at the
+    // other.
     LaneMask first = (from < -1.0f) & (from < to), last = (to > 1.0f) & (from < to);
     *low = first ? lanes_max(*low, to - 1e-5f) : *low;
     *high = last ? lanes_min(*high, from + 1e-5f) : *high;
 }
 #endif
 
-// Stage II: the line that bounds t where value[t][u], all corners' least, is not above zero. `sign` turns
-// the greatest into that.
+// Stage II: the line that bounds t where value[t][u], all corners' least, is not above zero. `sign`
+// turns the greatest into that.
 static Line line_of(const Lanes *a, const float *c, float sign)
 {
     Lanes value[2][2];
@@ -93,9 +95,11 @@ static Line line_of(const Lanes *a, const float *c, float sign)
     Lanes end0 = 0.5f * (value[1][0] + value[1][1]), end1 = 0.5f * (value[1][1] - value[1][0]);
     Lanes beta0 = end0 - alpha0, beta1 = end1 - alpha1;
     Lanes beta_low = value[1][0] - value[0][0], beta_high = value[1][1] - value[0][1];
-    LaneMask until = (beta_low > 0.0f) & (beta_high > 0.0f), since = (beta_low < 0.0f) & (beta_high < 0.0f);
+    LaneMask until = (beta_low > 0.0f) & (beta_high > 0.0f);
+    LaneMask since = (beta_low < 0.0f) & (beta_high < 0.0f);
     Lanes side = until ? (Lanes)(1.0f) : since ? (Lanes)(-1.0f) : (Lanes)(0.0f);
-    Lanes at_low = -value[0][0] / beta_low, at_high = -value[0][1] / beta_high, middle = -alpha0 / beta0;
+    Lanes at_low = -value[0][0] / beta_low, at_high = -value[0][1] / beta_high;
+    Lanes middle = -alpha0 / beta0;
     Lanes slope = (alpha0 * beta1 - alpha1 * beta0) / (beta0 * beta0);
     // A Moebius function bends one way between poles: compare the chord's middle.
     LaneMask convex = 0.5f * (at_low + at_high) >= middle;
@@ -109,7 +113,8 @@ static Line line_of(const Lanes *a, const float *c, float sign)
     return line;
 }
 
-static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block, Bounded *b)
+static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+                             Bounded *b)
 {
     Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     float size = tile_half(tile);

@@ -1,10 +1,10 @@
-// Culling method "clip_space_printed": the two stages as Wu et al. 2015 (3.2, 3.3) print them, kept to
-// show what they lose; clip_space has the corrected bounds.
+// Culling method "clip_space_printed": the two stages as Wu et al. 2015 (3.2, 3.3) print them, kept
+// to show what they lose; clip_space has the corrected bounds.
 //
-// Stage I keeps u between the least and the greatest of the six corners' u = (X w - x) / c. Stage II keeps
-// t between two lines: through the greatest of the three corners' times at u = -1 and at u = 1, and
-// likewise of the least of tangents at u = 0. The pixel's extent is not in the paper: here each corner's
-// bounds are those at both sides of the pixel.
+// Stage I keeps u between the least and the greatest of the six corners' u = (X w - x) / c. Stage
+// II keeps t between two lines: through the greatest of the three corners' times at u = -1 and at u
+// = 1, and likewise of the least of tangents at u = 0. The pixel's extent is not in the paper: here
+// each corner's bounds are those at both sides of the pixel.
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -26,8 +26,8 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
 }
 
 // Widen the bounds of one axis by corner i as seen from one side of the pixels.
-static void add_corner(const Moving *m, int i, const float *p, const float *dp, Lanes place, int axis,
-                       Bounded *b)
+static void add_corner(const Moving *m, int i, const float *p, const float *dp, Lanes place,
+                       int axis, Bounded *b)
 {
     Lanes a0 = p[i] - place * m->w[i], a1 = p[i] + dp[i] - place * (m->w[i] + m->dw[i]);
     float c0 = 0.0f, c1 = 0.0f;
@@ -47,7 +47,8 @@ static void add_corner(const Moving *m, int i, const float *p, const float *dp, 
     b->t_low[axis][1] = lanes_min(b->t_low[axis][1], at_zero + slope);
 }
 
-static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block, Bounded *b)
+static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+                             Bounded *b)
 {
     Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     float size = tile_half(tile);

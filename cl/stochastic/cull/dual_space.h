@@ -1,11 +1,12 @@
-// Culling method "dual_space": bounds of (u, v) and of t for each pixel, or tile of CULL_TILE pixels along
-// an edge (Laine et al. 2011, 3.1 and 3.2). Here lens coordinates lie in [-1, 1], view directions
-// gamma are pixels, and the middle of the tile is gamma = 0.
+// Culling method "dual_space": bounds of (u, v) and of t for each pixel, or tile of CULL_TILE
+// pixels along an edge (Laine et al. 2011, 3.1 and 3.2). Here lens coordinates lie in [-1, 1], view
+// directions gamma are pixels, and the middle of the tile is gamma = 0.
 //
-// On the lens: the box of all corners seen from u = -1 and that from u = 1; the box at any u lies within
-// their blend. In time: delta = x - gamma w is linear in gamma and in t, so that its least and greatest
-// over the corners lie within lines through their values at both ends of the range of gamma, blended
-// over t. A hit needs least <= 0 <= greatest, wherever the corners are, behind the eye too.
+// On the lens: the box of all corners seen from u = -1 and that from u = 1; the box at any u lies
+// within their blend. In time: delta = x - gamma w is linear in gamma and in t, so that its least
+// and greatest over the corners lie within lines through their values at both ends of the range of
+// gamma, blended over t. A hit needs least <= 0 <= greatest, wherever the corners are, behind the
+// eye too.
 #include "stochastic/cull/time.h"
 
 // What one axis knows of a path.
@@ -29,14 +30,15 @@ typedef struct {
 } Bounded;
 
 // Line through the values at both ends of the range of gamma.
-static void line_between(float from, float at_from, float to, float at_to, float *value, float *slope)
+static void line_between(float from, float at_from, float to, float at_to, float *value,
+                         float *slope)
 {
     *slope = (at_to - at_from) / (to - from);
     *value = at_from - *slope * from;
 }
 
-static void begin_axis(const Moving *m, const float *p, const float *dp, float from, float to, float size,
-                       Axis *axis)
+static void begin_axis(const Moving *m, const float *p, const float *dp, float from, float to,
+                       float size, Axis *axis)
 {
     float place[6], low[6], high[6], w[6];
     for (int k = 0; k < 6; k++) {
@@ -100,8 +102,10 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
 // Times at which the axis' range of delta holds 0.
 static void bound_time(const Axis *axis, Lanes gamma, Lanes *low, Lanes *high)
 {
-    below_zero(axis->least[0] + axis->least_by[0] * gamma, axis->least[1] + axis->least_by[1] * gamma, low, high);
-    below_zero(-(axis->most[0] + axis->most_by[0] * gamma), -(axis->most[1] + axis->most_by[1] * gamma), low,
+    below_zero(axis->least[0] + axis->least_by[0] * gamma,
+               axis->least[1] + axis->least_by[1] * gamma, low, high);
+    below_zero(-(axis->most[0] + axis->most_by[0] * gamma),
+               -(axis->most[1] + axis->most_by[1] * gamma), low,
                high);
 }
 

@@ -1,7 +1,7 @@
-// Culling method "hull": the samples of pixels in the convex hull, on screen, of the triangle's corners at
-// both ends (McGuire et al. 2010). A way on screen is a straight line, so the hull holds the triangle at
-// all times, as long as it stays before the eye; else the box serves. Under a lens each edge of the
-// hull moves outwards by the greatest circle of confusion behind it.
+// Culling method "hull": the samples of pixels in the convex hull, on screen, of the triangle's
+// corners at both ends (McGuire et al. 2010). A way on screen is a straight line, so the hull holds
+// the triangle at all times, as long as it stays before the eye; else the box serves. Under a lens
+// each edge of the hull moves outwards by the greatest circle of confusion behind it.
 #include "stochastic/cull/box.h"
 
 #define MAX_EDGES 15

@@ -1,7 +1,7 @@
-// Culling method "interleave_uvt": a sample is tested when the box of the triangle at the sample's own
-// time and point of the lens, snapped to tiles of 2 x 2 pixels, touches its tile (Fatahalian et al. 2009).
-// With the pattern of the same name there are only four times as many such times and points as a pixel has
-// samples; here the box is found for each sample anew, at the same counts.
+// Culling method "interleave_uvt": a sample is tested when the box of the triangle at the sample's
+// own time and point of the lens, snapped to tiles of 2 x 2 pixels, touches its tile (Fatahalian et
+// al. 2009). With the pattern of the same name there are only four times as many such times and
+// points as a pixel has samples; here the box is found for each sample anew, at the same counts.
 #include "stochastic/cull/box.h"
 
 typedef struct {

@@ -1,9 +1,9 @@
 // Culling method "obb": the samples of pixels whose eye rays meet an oriented box around the moving
-// triangle in homogeneous space (x, y, w) (Akenine-Moeller et al. 2007, 3.3.1). Its first axis joins the
-// middles of the triangle's two positions, its second follows the longest edge across it; where there is
-// none the box is aligned with the axes. Rays are tested against the box instead of rasterizing its
-// backs, so nothing depends on what lies behind the eye. Under a lens the box holds all circles of
-// confusion.
+// triangle in homogeneous space (x, y, w) (Akenine-Moeller et al. 2007, 3.3.1). Its first axis
+// joins the middles of the triangle's two positions, its second follows the longest edge across it;
+// where there is none the box is aligned with the axes. Rays are tested against the box instead of
+// rasterizing its backs, so nothing depends on what lies behind the eye. Under a lens the box holds
+// all circles of confusion.
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -48,7 +48,8 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     for (int k = 0; k < 6; k++) {
         int i = k % 3;
         float t = k / 3;
-        p[k] = clip_like(tile, m->x[i] + t * m->dx[i], m->y[i] + t * m->dy[i], m->w[i] + t * m->dw[i]);
+        p[k] = clip_like(tile, m->x[i] + t * m->dx[i], m->y[i] + t * m->dy[i],
+                         m->w[i] + t * m->dw[i]);
         circle[k] = m->slack;
 #ifdef LENS
         circle[k] += fabs(m->c[i] + t * m->dc[i]);
@@ -66,14 +67,15 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
             float at = dot(n, p[k]);
             float more = circle[k] * (fabs(n.x) + fabs(n.y))
                          + 4e-6f * (fabs(p[k].x) + fabs(p[k].y) + fabs(p[k].z));
-            cull->low[a] = fmin(cull->low[a], at - more), cull->high[a] = fmax(cull->high[a], at + more);
+            cull->low[a] = fmin(cull->low[a], at - more),
+            cull->high[a] = fmax(cull->high[a], at + more);
         }
     }
     return true;
 }
 
-// A pixel's rays are s (x, y, 1), s > 0. Along each axis s times some value between g - h and g + h lies
-// between low and high; the bounds of s that follow must leave something.
+// A pixel's rays are s (x, y, 1), s > 0. Along each axis s times some value between g - h and g + h
+// lies between low and high; the bounds of s that follow must leave something.
 static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
                              Bounded *bounded)
 {
@@ -92,7 +94,8 @@ static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull
             float bound = side ? -cull->high[a] : cull->low[a];
             Lanes s = bound / slope;
             if (bound > 0.0f) in &= slope > 0.0f;
-            nearest = slope > 0.0f ? lanes_max(nearest, s * (bound > 0.0f ? 0.9999f : 1.0001f)) : nearest;
+            nearest = slope > 0.0f ? lanes_max(nearest, s * (bound > 0.0f ? 0.9999f : 1.0001f))
+                : nearest;
             farthest = slope < 0.0f ? lanes_min(farthest, s * 1.0001f) : farthest;
         }
     }

@@ -1,6 +1,6 @@
-// Culling method "pixar": time and lens are cut into STRATA_U x STRATA_V x STRATA_T parts; a sample is
-// tested when the box of its part touches its pixel (Cook et al. 1990, without the pairing of strata:
-// "modified Pixar" of Laine et al. 2011, 2).
+// Culling method "pixar": time and lens are cut into STRATA_U x STRATA_V x STRATA_T parts; a sample
+// is tested when the box of its part touches its pixel (Cook et al. 1990, without the pairing of
+// strata: "modified Pixar" of Laine et al. 2011, 2).
 #include "stochastic/cull/box.h"
 
 #define STRATA (STRATA_U * STRATA_V * STRATA_T)
@@ -22,7 +22,8 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
         // Times of the shutter, in those of the segment.
         float from = ((float)t / STRATA_T - m->open) * m->rate;
         float to = ((t + 1.0f) / STRATA_T - m->open) * m->rate;
-        Stratum s = {{clamp(from - 1e-6f * m->rate, 0.0f, 1.0f), clamp(to + 1e-6f * m->rate, 0.0f, 1.0f)},
+        Stratum s = {{clamp(from - 1e-6f * m->rate, 0.0f, 1.0f),
+            clamp(to + 1e-6f * m->rate, 0.0f, 1.0f)},
                      {2.0f * u / STRATA_U - 1.0f, 2.0f * (u + 1) / STRATA_U - 1.0f},
                      {2.0f * v / STRATA_V - 1.0f, 2.0f * (v + 1) / STRATA_V - 1.0f}};
         cull->boxes[k] = screen_box(m, &s);
@@ -39,7 +40,8 @@ static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull
 
 static inline int16 stratum_along(Lanes place, int count)
 {
-    return convert_int16(lanes_min(lanes_max(place * (float)count, (Lanes)(0.0f)), (Lanes)(count - 1.0f)));
+    return convert_int16(lanes_min(lanes_max(place * (float)count, (Lanes)(0.0f)),
+                                   (Lanes)(count - 1.0f)));
 }
 
 static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,

@@ -1,9 +1,7 @@
-// How the published methods go over a tile: path by path, and for each block of pixels slab by slab.
+// How the published methods go over a tile: path by path, and for each block of pixels slab by
+// slab.
 //
 // A method's file defines what it knows of a path (Cull), of the pixels of a block (Bounded), and
-//     begin_path    what is found once per path; false if nothing of it can be hit
-//     bound_pixels  pixels that the path may touch, and bounds for their samples
-//     keep_samples  which samples of a slab lie within these bounds
 // Samples at times of other motion segments are never tested.
 #ifndef MB_SCAN_H
 #define MB_SCAN_H

@@ -1,12 +1,12 @@
-// The time that a moving triangle spends in the frame, even partially (Laine et al. 2011, 3.2): within
-// the sides of the frame and before the eye.
+// The time that a moving triangle spends in the frame, even partially (Laine et al. 2011, 3.2):
+// within the sides of the frame and before the eye.
 #ifndef MB_CULL_TIME_H
 #define MB_CULL_TIME_H
 
 #include "stochastic/cull/box.h"
 
-// Narrow [low, high] to the time in which any corner may lie inside of the plane a x + b y + c w >= 0:
-// the greatest value of any corner lies under the line between those at the ends.
+// Narrow [low, high] to the time in which any corner may lie inside of the plane a x + b y + c w >=
+// 0: the greatest value of any corner lies under the line between those at the ends.
 static void trim_by_plane(const Moving *m, float a, float b, float c, float *low, float *high)
 {
     float most[2] = {-INFINITY, -INFINITY};

@@ -1,5 +1,5 @@
-// Culling method "trim": the box, and no sample from a time at which the triangle is out of the frame or
-// behind the eye (Laine et al. 2011, 3.2, their trimming of the time range alone).
+// Culling method "trim": the box, and no sample from a time at which the triangle is out of the
+// frame or behind the eye (Laine et al. 2011, 3.2, their trimming of the time range alone).
 #include "stochastic/cull/time.h"
 
 typedef struct {

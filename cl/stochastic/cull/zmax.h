@@ -1,7 +1,8 @@
-// Culling methods "zmax" and "zmax_strata": the box, and no path in a tile all of whose samples have seen
-// something nearer than any of its corners; with ZMAX_STRATA one greatest depth for each slab of time
-// (Akenine-Moeller et al. 2007, 3.4). The paper's second bound, from the planes of the triangle at the
-// start and the end, is left out: depth at a tile's corner is no blend of the two in between.
+// Culling methods "zmax" and "zmax_strata": the box, and no path in a tile all of whose samples
+// have seen something nearer than any of its corners; with ZMAX_STRATA one greatest depth for each
+// slab of time (Akenine-Moeller et al. 2007, 3.4). The paper's second bound, from the planes of the
+// triangle at the start and the end, is left out: depth at a tile's corner is no blend of the two
+// in between.
 #include "stochastic/cull/box.h"
 
 typedef struct {
