@@ -212,3 +212,10 @@ def slots_of(settings: Settings) -> NDArray[np.void]:
     if settings.method != "analytic" and pattern != "fixed":
         pattern = "sobol"  # anywhere in the pixel
     return sample_slots(pattern, settings.samples, filter_of(settings))
+
+
+def reach_of(settings: Settings) -> tuple[float, float, float, float]:
+    """Return where samples may lie relative to their pixels: x from and to, y from and to."""
+    slots = slots_of(settings)
+    x_low, y_low = float(slots["x_low"].min()), float(slots["y_low"].min())
+    return x_low, float(slots["x_high"].max()), y_low, float(slots["y_high"].max())
