@@ -140,10 +140,8 @@ def list_paths(
     events.append(runtime.run(scan, 1, *numbers, counts, buffers["starts"]))
     starts = runtime.download(buffers["starts"], (tiles + 1,), np.uint32)
     if starts[-1] == records.NONE:
-        raise CapacityError(
-            f"the {tiles} tiles list 2**32 paths or more; render in crops, or with fewer motion "
-            "segments"
-        )
+        larger = ", or with a larger tile_size" if plan.settings.method == "analytic" else ""
+        raise CapacityError(f"the {tiles} tiles list 2**32 paths or more; render in crops{larger}")
     buffers["members"] = runtime.allocate(4 * int(starts[-1]), "paths by tile")
     if chunks:
         kernel = runtime.kernel(file, "bin_file", tuple(options))
