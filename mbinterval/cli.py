@@ -16,10 +16,12 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from mbinterval import __version__, commands
-from mbinterval.checks import nearest, number
-from mbinterval.errors import CapacityError, MbintervalError, SceneError, UsageError
+from mbinterval import evaluation_options as evaluation
+from mbinterval import option_values as values
+from mbinterval.checks import nearest
+from mbinterval.errors import CapacityError, MbintervalError
 from mbinterval.frames import parse_frames, parse_outputs
-from mbinterval.settings import SETTINGS, Settings, check_setting
+from mbinterval.settings import Settings
 
 _log = logging.getLogger("mbinterval")
 
@@ -145,11 +147,14 @@ def _parser() -> argparse.ArgumentParser:
         if name == "bench":
             _add_bench_options(command)
         if name == "compare":
-            _add_compare_options(command)
+            evaluation.add_compare_options(command)
+            _add_render_options(command)
         if name == "study":
-            _add_study_options(command)
+            evaluation.add_study_options(command)
+            _add_device_option(command)
         if name == "recommend":
-            _add_recommend_options(command)
+            evaluation.add_recommend_options(command)
+            _add_device_option(command)
         command.usage = f"mbinterval {name}{takes and ' '}{takes} [options]"
     return parser
 
@@ -188,41 +193,43 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
 
 def _add_render_options(command: argparse.ArgumentParser) -> None:
     model = command.add_argument_group("animation of a model (a scene file has these per object)")
-    model.add_argument("--clip", type=_clip, metavar="NAME", help="clip by name or index [first]")
+    model.add_argument(
+        "--clip", type=values.clip, metavar="NAME", help="clip by name or index [first]"
+    )
     model.add_argument(
         "--fps", type=float, metavar="NUMBER", help="a key at s seconds is at frame s * fps [24]"
     )
     frame = command.add_argument_group("frame (the scene file gives defaults)")
     frame.add_argument(
         "--frames",
-        type=_argument(parse_frames),
+        type=values.argument(parse_frames),
         metavar="RANGE",
         help="7, 1-24, 1-24x2 or 1,5,9-12; write --frames=-5--1 for negative ones",
     )
-    frame.add_argument("--width", type=_argument(_pixels), metavar="PIXELS")
+    frame.add_argument("--width", type=values.argument(values.pixels), metavar="PIXELS")
     frame.add_argument(
         "--height",
-        type=_argument(_pixels),
+        type=values.argument(values.pixels),
         metavar="PIXELS",
         help="with only one of --width and --height the shape is kept",
     )
     shutter = frame.add_mutually_exclusive_group()
     shutter.add_argument(
         "--shutter",
-        type=_argument(_shutter),
+        type=values.argument(values.shutter),
         metavar="OPEN,CLOSE",
         help="in frames relative to the frame; write --shutter=-0.25,0.25 for negative ones",
     )
     shutter.add_argument(
         "--shutter-angle",
-        type=_argument(_shutter_angle),
+        type=values.argument(values.shutter_angle),
         dest="shutter",
         metavar="DEGREES[,PLACE]",
         help="open for DEGREES/360 of a frame; PLACE, centre, start or end, is on the frame",
     )
     frame.add_argument(
         "--crop",
-        type=_argument(_crop),
+        type=values.argument(values.crop),
         metavar="X,Y,W,H",
         help="render only this part of the frame, in pixels from the upper left corner",
     )
@@ -234,7 +241,7 @@ def _add_render_options(command: argparse.ArgumentParser) -> None:
         if isinstance(setting.default, bool):
             details: dict[str, Any] = {"action": argparse.BooleanOptionalAction}
         else:
-            details = {"type": _value, "metavar": "VALUE"}
+            details = {"type": values.value, "metavar": "VALUE"}
             text += f" [{str(setting.default).lower()}]"
         settings.add_argument(option, default=argparse.SUPPRESS, help=text, **details)
 
@@ -244,7 +251,7 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         action="append",
-        type=_argument(parse_outputs),
+        type=values.argument(parse_outputs),
         metavar="FILE",
         help="where to write, .exr or .png; #### or %%04d is the frame's number. May be given "
         "several times, or as a list with commas [SCENE.####.exr]",
@@ -264,125 +271,6 @@ def _add_device_option(group: Any) -> None:
     )
 
 
-def _add_compare_options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add(
-        "sources",
-        nargs="+",
-        metavar="SOURCE",
-        help="EXR file, quoted pattern of EXR files that are repeats with other seeds, or scene to "
-        "render; the first image is the reference",
-    )
-    add(
-        "--with",
-        action="append",
-        dest="variants",
-        type=_argument(_variant),
-        metavar="SETTINGS",
-        help="render scenes with these settings, as in samples=16,pattern=sobol; may be given "
-        "several times",
-    )
-    add(
-        "--repeats",
-        type=_argument(_rounds),
-        default=1,
-        metavar="COUNT",
-        help="render with as many seeds, for the verdict whether noise explains a difference [1]",
-    )
-    add(
-        "--level",
-        type=_argument(_level),
-        default=0.01,
-        metavar="PROBABILITY",
-        help="with which the verdict may say no to equal images [0.01]",
-    )
-    add(
-        "--assume-samples",
-        type=_argument(_rounds),
-        metavar="COUNT",
-        help="samples per pixel of EXR files that do not say, for the verdict [1]",
-    )
-    add("--maps", metavar="FOLDER", help="write error maps as PNG, a folder for each image")
-    add("--json", metavar="FILE", help="write the result")
-    _add_render_options(command)
-
-
-def _add_study_options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    _add_case_options(command)
-    add(
-        "-o",
-        "--output",
-        metavar="FOLDER",
-        help="where report, figures and films go, and where a study that was stopped goes on "
-        "[study-SCENE]",
-    )
-    add(
-        "--sweeps",
-        type=_names,
-        metavar="NAMES",
-        help="with commas between them; a wrong name lists all [all]",
-    )
-    add(
-        "--costs",
-        action=argparse.BooleanOptionalAction,
-        default=True,
-        help="measure how time depends on cubes, speed, triangles and effects",
-    )
-    add("--rounds", type=_argument(_rounds), default=3, metavar="COUNT", help="renders of each "
-        "row that takes less than half a second [3]")  # fmt: skip
-    add(
-        "--row-seconds",
-        type=_argument(_above_zero),
-        default=12.0,
-        metavar="SECONDS",
-        help="leave out rows that would take longer [12]",
-    )
-    add(
-        "--reference-error",
-        type=_argument(_above_zero),
-        default=1e-4,
-        metavar="RMSE",
-        help="of the references, where some ten renders reach it [1e-4]",
-    )
-    add(
-        "--references",
-        metavar="FOLDER",
-        help="where references are kept, which take a while to make [in the output folder]",
-    )
-
-
-def _add_recommend_options(command: argparse.ArgumentParser) -> None:
-    _add_case_options(command)
-    wanted = command.add_mutually_exclusive_group(required=True)
-    wanted.add_argument(
-        "--error",
-        type=_argument(_above_zero),
-        metavar="RMSE",
-        help="to reach in the least time, over linear RGB",
-    )
-    wanted.add_argument(
-        "--time",
-        type=_argument(_above_zero),
-        metavar="SECONDS",
-        help="in which to reach the least error, kernels built",
-    )
-
-
-def _add_case_options(command: argparse.ArgumentParser) -> None:
-    """Options of commands that make a reference of one frame."""
-    add = command.add_argument
-    add(
-        "scene",
-        metavar="SCENE",
-        help="scene file, model, or a generated scene with its count, such as fast_cubes:2000",
-    )
-    add("--frame", type=_argument(_frame), metavar="NUMBER", help="which frame [the file's first]")
-    add("--width", type=_argument(_pixels), metavar="PIXELS")
-    add("--height", type=_argument(_pixels), metavar="PIXELS")
-    _add_device_option(command)
-
-
 def _add_bench_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add(
@@ -393,9 +281,14 @@ def _add_bench_options(command: argparse.ArgumentParser) -> None:
         "fast_cubes:2000 [five generated ones]",
     )
     add("--rows", metavar="NAMES", help="with commas between them; a wrong name lists all")
-    add("--rounds", type=_argument(_rounds), metavar="COUNT", help="renders of each row [7]")
-    add("--width", type=_argument(_pixels), metavar="PIXELS")
-    add("--height", type=_argument(_pixels), metavar="PIXELS")
+    add(
+        "--rounds",
+        type=values.argument(values.rounds),
+        metavar="COUNT",
+        help="renders of each row [7]",
+    )
+    add("--width", type=values.argument(values.pixels), metavar="PIXELS")
+    add("--height", type=values.argument(values.pixels), metavar="PIXELS")
     add(
         "--single-sided",
         action="store_true",
@@ -412,122 +305,11 @@ def _add_bench_options(command: argparse.ArgumentParser) -> None:
     add("--baseline", metavar="FILE", help="compare with an earlier --json")
     add(
         "--tolerance",
-        type=_argument(_tolerance),
+        type=values.argument(values.tolerance),
         metavar="PART",
         help="with --baseline, fail where a row's median is slower by more than this part [0.1]",
     )
     _add_device_option(command)
-
-
-def _argument(parse: Any) -> Any:
-    """Turn a parser's UsageError into argparse's own error, which names the option."""
-
-    def parsed(text: str) -> Any:
-        try:
-            return parse(text)
-        except UsageError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
-    return parsed
-
-
-def _pixels(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 65536:
-        raise UsageError(f"{text!r} is not a whole number from 1 to 65536")
-    return int(text)
-
-
-def _shutter(text: str) -> tuple[float, float]:
-    try:
-        low, high = map(float, text.split(","))
-    except ValueError:
-        raise UsageError(f"{text!r} is not OPEN,CLOSE, two numbers") from None
-    if not low < high:
-        raise UsageError(f"{text!r}: the shutter must open before it closes")
-    return low, high
-
-
-def _shutter_angle(text: str) -> tuple[float, float]:
-    from mbinterval.scene.camera import Shutter
-
-    angle, _, place = text.partition(",")
-    try:
-        shutter = Shutter.from_angle(float(angle), place or "centre")
-    except (ValueError, SceneError):
-        raise UsageError(
-            f"{text!r} is not degrees above 0, or these and centre, start or end, as in 180,start"
-        ) from None
-    return shutter.open, shutter.close
-
-
-def _rounds(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 10_000:
-        raise UsageError(f"{text!r} is not a whole number from 1 to 10000")
-    return int(text)
-
-
-def _above_zero(text: str) -> float:
-    return number(_value(text), "value", above=0.0)
-
-
-def _frame(text: str) -> float:
-    return number(_value(text), "frame")
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",")]
-
-
-def _level(text: str) -> float:
-    return number(_value(text), "level", above=0.0, below=1.0)
-
-
-def _variant(text: str) -> tuple[str, dict[str, Any]]:
-    """Settings in one text, as in ``samples=16,pattern=sobol``."""
-    values = {}
-    for part in text.split(","):
-        name, given, value = part.partition("=")
-        name = name.strip().replace("-", "_")
-        if not given:
-            raise UsageError(f"{part!r} is not NAME=VALUE, as in samples=16,pattern=sobol")
-        if name not in SETTINGS:
-            raise UsageError(f"unknown setting {name!r}, {nearest(name, SETTINGS)}")
-        values[name] = check_setting(name, _switch(value.strip()))
-    return text, values
-
-
-def _switch(text: str) -> str | int | float | bool | None:
-    return {"true": True, "false": False}.get(text.lower(), _value(text))
-
-
-def _tolerance(text: str) -> float:
-    return number(_value(text), "tolerance", low=0.0)
-
-
-def _crop(text: str) -> tuple[int, int, int, int]:
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != 4 or not all(part.isdecimal() for part in parts):
-        raise UsageError(f"{text!r} is not X,Y,W,H in whole pixels")
-    x, y, width, height = map(int, parts)
-    if not (width and height):
-        raise UsageError(f"{text!r}: width and height must be 1 or more")
-    return x, y, width, height
-
-
-def _clip(text: str) -> str | int:
-    return int(text) if text.isdecimal() else text
-
-
-def _value(text: str) -> str | int | float | None:
-    """Value of a setting as a scene file would hold it; `Settings` checks it."""
-    if text.lower() == "none":
-        return None
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from mbinterval.device import records
 from mbinterval.motion import Motion
 from mbinterval.plan import Plan
 from mbinterval.scene.model import Texture
+from mbinterval.work import tile_grid
 
 _TEXEL = 16
 _MOTION = ("positions", "jobs", "cameras", "paths", "meshes", "color", "uv", "normal")
@@ -21,14 +22,14 @@ def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
     count, sampled = len(motion.paths), plan.settings.method != "analytic"
     path = records.SHAPE.itemsize + (records.DEPTH.itemsize if plan.exact else 0) + 4  # their order
     if sampled:
-        path = records.BOUNDS.itemsize + 16 + 4
+        path = records.BOUNDS.itemsize + 4
     vertices = motion.vertex_count * records.VERTEX.itemsize
     geometry = sum(getattr(motion, name).nbytes for name in _MOTION) + vertices + count * path
     cropped, pixels = plan.crop[2] * plan.crop[3], plan.region[2] * plan.region[3]
     film = 24 * pixels + (16 * cropped if "share" in plan.stages else 0)
     if "-DBACKGROUND_IMAGE" in plan.options:
         film += 12 * cropped
-    _, _, columns, rows = tiles.tile_grid(plan)
+    _, _, columns, rows = tile_grid(plan)
     pool = sum(record.itemsize for record in tiles._pools(plan).values())
     pools = pool * (plan.capacity + tiles._LANES)
     if sampled:

@@ -119,7 +119,8 @@ def fixed_pattern(count: int) -> NDArray[np.float32]:
     One sample is the pixel's centre. No two samples share a row or a column of a ``count`` by
     ``count`` grid. What an edge through the pixel covers is what counts, so the pattern is that of
     least error over half-planes (``half_plane_error``): among all permutations for few samples,
-    among rank-1 lattices i -> (i, i g mod n) for many.
+    among rank-1 lattices i -> (i, i g mod n) for many. Samples follow each other in Morton's order,
+    so that points of the lens, a sequence, are well spread over every part of the pixel.
     """
     index = np.arange(count)
     if count in _SMALL:
@@ -129,7 +130,10 @@ def fixed_pattern(count: int) -> NDArray[np.float32]:
         lattices = [index * generator % count for generator in generators]
         errors = [half_plane_error(_cell_centres(lattice)) for lattice in lattices]
         columns = lattices[int(np.argmin(errors))]
-    return (np.round(_cell_centres(columns) * _GRID) / _GRID).astype(np.float32)
+    grid = np.round(_cell_centres(columns) * _GRID).astype(np.int64)
+    bits = np.arange(_GRID.bit_length())
+    morton = ((grid[:, :, None] >> bits & 1) << 2 * bits).sum(axis=2) @ [1, 2]
+    return (grid[np.argsort(morton)] / _GRID).astype(np.float32)
 
 
 def _cell_centres(columns: NDArray[np.int64]) -> Float64:
@@ -173,12 +177,9 @@ def sample_slots(pattern: str, count: int, shape: PixelFilter | None) -> NDArray
         x_low = x_high = x
         y_low = y_high = y
     else:
-        # Of a power of two each sample has a row of its own (cl/analytic/place.cl).
-        row = np.arange(count)
-        in_rows = count & (count - 1) == 0
+        row = np.arange(count)  # each sample has a row of its own (cl/analytic/place.cl)
         x_low, x_high = np.zeros(count), np.ones(count)
-        y_low = row / count if in_rows else x_low
-        y_high = (row + 1) / count if in_rows else x_high
+        y_low, y_high = row / count, (row + 1) / count
     if shape is not None:
         x_low, x_high, y_low, y_high = map(shape.place, (x_low, x_high, y_low, y_high))
     slots["x_low"], slots["x_high"] = x_low, x_high
@@ -211,3 +212,10 @@ def slots_of(settings: Settings) -> NDArray[np.void]:
     if settings.method != "analytic" and pattern != "fixed":
         pattern = "sobol"  # anywhere in the pixel
     return sample_slots(pattern, settings.samples, filter_of(settings))
+
+
+def reach_of(settings: Settings) -> tuple[float, float, float, float]:
+    """Return where samples may lie relative to their pixels: x from and to, y from and to."""
+    slots = slots_of(settings)
+    x_low, y_low = float(slots["x_low"].min()), float(slots["y_low"].min())
+    return x_low, float(slots["x_high"].max()), y_low, float(slots["y_high"].max())

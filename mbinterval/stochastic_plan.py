@@ -52,11 +52,13 @@ def stochastic_plan(
         raise UsageError(f"pattern='rgss' has a filter of its own; leave out {settings.filter!r}")
     samples = sample_count(settings)
     slabs = min(samples, SLABS)
+    # Slots of the fixed pattern are where the filter puts them; other places are put on the device.
+    placed = set() if pattern_of(settings) == "fixed" else {"SCATTERED"}
     sizes: dict[str, int | str] = {
         "SAMPLES": samples,
         "SLABS": slabs,
         "SLAB_GROUPS": -(-samples // slabs),
-        **sampling_sizes(exposure, settings, active | {"SCATTERED"}),
+        **sampling_sizes(exposure, settings, active | placed),
         **_own_sizes(settings, active),
     }
     return Plan(

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.device import records
-from mbinterval.device.runtime import Runtime, seconds
+from mbinterval.device.runtime import seconds
 from mbinterval.errors import CapacityError
-from mbinterval.plan import Crop, Plan
-from mbinterval.scene.exposure import Exposure
+from mbinterval.plan import Plan
+from mbinterval.work import Work, add_counts, frame_record, in_parts, packed, tile_grid
 
 _log = logging.getLogger(__name__)
 
@@ -24,7 +23,7 @@ TILE_STAGES = (
 )
 """Stages of the fused kernel, in the order in which it counts their time."""
 
-_COUNTERS = (*TILE_STAGES, "tests", "hits")
+_COUNTS = ("tests", "hits")
 _ARGUMENTS = (
     *("vertices", "paths", "shapes", "meshes", "materials", "color", "uv", "normal"),
     *("textures", "texels", "lights", "cameras", "slots", "filter", "shutter", "background"),
@@ -43,32 +42,8 @@ _TRIANGULATED_POOLS = {
     "sorting": records.SORTING,
     "sorted": records.INTERVAL,
 }
-_SAMPLE_WORDS, _PIXEL_VECTORS, _LANES = 14, 2, 16
+_SAMPLE_WORDS, _PIXEL_VECTORS, _LANES = 18, 2, 16
 _GROWTH = 4
-_SECONDS_AT_A_TIME = 0.5
-_FIRST_LOAD = 100_000  # paths of tiles times samples: a fifth of a second, more or less
-
-
-@dataclass(eq=False)
-class Work:
-    """A frame in work: the plan, the device's buffers by name, and seconds by stage so far."""
-
-    runtime: Runtime
-    plan: Plan
-    buffers: dict[str, Any]
-    exposure: Exposure
-    timings: dict[str, float] = field(default_factory=dict)
-
-
-def tile_grid(plan: Plan) -> tuple[int, int, int, int]:
-    """Return the first pixel, and columns and rows, of the tiles that cover the region.
-
-    Tiles lie on multiples of their size in the frame.
-    """
-    x, y, width, height = plan.region
-    left, top = x // plan.tile * plan.tile, y // plan.tile * plan.tile
-    columns = -(-(x + width - left) // plan.tile)
-    return left, top, columns, -(-(y + height - top) // plan.tile)
 
 
 def render_tiles(
@@ -84,11 +59,12 @@ def render_tiles(
     loads = (listed + 1) * work.plan.settings.samples
     workers = min(work.runtime.workers, len(queue))
     _allocate(work, workers)
-    capacity, stats = work.plan.capacity, dict.fromkeys(("tests", "hits"), 0)
+    capacity, stats = work.plan.capacity, dict.fromkeys(_COUNTS, 0)
     work.timings |= {stage: 0.0 for stage in TILE_STAGES if stage in work.plan.stages}
     while len(queue):
         _allocate_pools(work, capacity, workers)
-        for done in _render_parts(work, queue, loads[queue], capacity, workers, stats):
+        render = partial(_run_part, work, capacity=capacity, workers=workers, stats=stats)
+        for done in in_parts(queue, loads[queue], render):
             if progress is not None:
                 progress((len(listed) - len(queue) + done) / len(listed))
         failed = work.runtime.download(work.buffers["failed"], listed.shape, np.uint32)
@@ -110,36 +86,13 @@ def _allocate(work: Work, workers: int) -> None:
         "failed": 4 * columns * rows,
         "samples": 4 * _SAMPLE_WORDS * work.plan.layers * pixels,
         "pixels": 16 * _PIXEL_VECTORS * pixels,
-        "counters": 8 * len(_COUNTERS) * workers,
+        "counters": 8 * len(TILE_STAGES + _COUNTS) * workers,
         "rgba": 16 * width * height,
         "depth": 4 * width * height,
         "met": 4 * width * height,
     }
     for name, size in sizes.items():
         work.buffers[name] = work.runtime.allocate(size, name)
-
-
-def _render_parts(
-    work: Work,
-    queue: NDArray[np.uint32],
-    loads: NDArray[np.int64],
-    capacity: int,
-    workers: int,
-    stats: dict[str, int],
-) -> Iterator[int]:
-    """Render the queue with pools of ``capacity``; yields how many of its tiles are done.
-
-    The device gets a fraction of a second's worth at a time, so that an interrupt is heard and
-    progress is told.
-    """
-    until, done, most = np.cumsum(loads), 0, float(_FIRST_LOAD)
-    while done < len(queue):
-        before = until[done - 1] if done else 0
-        end = max(int(np.searchsorted(until, before + most, side="right")), done + 1)
-        took = _run_part(work, queue[done:end], capacity, workers, stats)
-        load, done = float(until[end - 1] - before), end
-        most = load * np.clip(_SECONDS_AT_A_TIME / max(took, 1e-6), 0.1, 4.0)
-        yield done
 
 
 def _pools(plan: Plan) -> dict[str, np.dtype[np.void]]:
@@ -164,7 +117,7 @@ def _run_part(
     left, top, columns, rows = tile_grid(plan)
     buffers["queue"] = runtime.upload(queue, "queue")
     runtime.fill(buffers["next"], 4)
-    runtime.fill(buffers["counters"], 8 * len(_COUNTERS) * workers)
+    runtime.fill(buffers["counters"], 8 * len(TILE_STAGES + _COUNTS) * workers)
     roll, background = work.exposure.roll, work.exposure.background
     rolling = (roll.start, roll.step, roll.length) if roll else (0.0, 0.0, 1.0)
     counts = len(queue), capacity, buffers["light_count"], buffers["static_paths"]
@@ -174,13 +127,7 @@ def _run_part(
     kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)
     arguments = [buffers[name] for name in names]
     took = seconds(runtime.run(kernel, min(workers, len(queue)), *arguments, grid, frame))
-    counted = runtime.download(buffers["counters"], (workers, len(_COUNTERS)), np.uint64)
-    sums = dict(zip(_COUNTERS, counted.sum(axis=0).tolist(), strict=True))
-    ticks = sum(sums[stage] for stage in TILE_STAGES) or 1
-    for stage in work.timings.keys() & TILE_STAGES:
-        work.timings[stage] += took * sums[stage] / ticks
-    for name in stats:
-        stats[name] += sums[name]
+    add_counts(work, TILE_STAGES, _COUNTS, workers, took, stats)
     return took
 
 
@@ -196,17 +143,3 @@ def _workers_that_fit(work: Work, capacity: int, workers: int) -> int:
             "samples or fewer motion segments"
         )
     return min(workers, int(fit))
-
-
-def frame_record(region: Crop, background: Any) -> NDArray[np.void]:
-    """Return the ``Frame`` of a part of the frame, over a colour or an image ``background``."""
-    constant = background if isinstance(background, tuple) else (0.0, 0.0, 0.0)
-    return packed("iiiifff", *region, *constant)
-
-
-def packed(kinds: str, *values: Any) -> NDArray[np.void]:
-    """Pack a small argument record of 4-byte numbers: i, I or f each."""
-    types = {"i": "i4", "I": "u4", "f": "f4"}
-    record = np.zeros(1, [(f"value{i}", types[kind]) for i, kind in enumerate(kinds)])
-    record[0] = values
-    return record

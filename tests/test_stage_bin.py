@@ -196,7 +196,8 @@ def test_more_entries_than_32_bits_hold_are_noticed(counts, total):
     assert starts[-1] == (records.NONE if total is None else total)
 
 
-def test_what_bin_cannot_list_is_a_capacity_error(monkeypatch):
+@pytest.mark.parametrize(("method", "remedy"), [("analytic", "tile_size"), ("stochastic", "crops")])
+def test_what_bin_cannot_list_is_a_capacity_error(method, remedy, monkeypatch):
     download = Runtime.download
 
     def overflowing(self, buffer, shape, dtype):
@@ -207,5 +208,5 @@ def test_what_bin_cannot_list_is_a_capacity_error(monkeypatch):
 
     monkeypatch.setattr(Runtime, "download", overflowing)
     mesh = Mesh(positions=np.eye(3) - [0, 0, 3], faces=[[0, 1, 2]])
-    with pytest.raises(CapacityError, match=r"2\*\*32 paths or more; .*tile_size"):
-        mb.render(Scene(meshes=[mesh]), width=8, height=8)
+    with pytest.raises(CapacityError, match=rf"2\*\*32 paths or more; .*{remedy}$"):
+        mb.render(Scene(meshes=[mesh]), width=8, height=8, settings=mb.Settings(method=method))

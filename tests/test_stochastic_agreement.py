@@ -16,6 +16,7 @@ import pytest
 from test_hard_cases import CASES, COLORS, SIZE
 
 import mbinterval as mb
+from mbinterval.sampling import RADII
 from mbinterval.scene.model import Scene
 
 NAMED = "interpenetrating meshes"
@@ -121,6 +122,34 @@ def test_every_pattern_has_the_same_mean(pattern):
     assert abs((film - truth).mean()) < 2e-4
     control = analytic(late(of, 0.05))
     assert abs((film - control).mean()) > 1e-3 or np.sqrt(np.mean((film - control) ** 2)) > 6e-3
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"pattern": p} for p in ("sobol", "jittered", "random", "fixed", "interleave_uvt")]
+    + [{"method": "accumulation", "slices": 4}]
+    + [{"method": "accumulation", "slices": 256, "slice_times": "stochastic"}],
+    ids=lambda values: "-".join(map(str, values.values())),
+)
+@pytest.mark.parametrize("name", ["gaussian", "triangle", "mitchell"])
+def test_every_pattern_has_the_mean_of_the_filter(name, values):
+    """Of a picture at rest, whose edges are as wide as the filter."""
+    of = CASES[NAMED].make()
+    of = replace(of, meshes=[replace(m, positions=m.positions[0]) for m in of.meshes])
+    slices = values.get("slices") == 4  # which have the same places in every pixel
+
+    def exact(**given: object) -> np.ndarray:
+        places = {"samples": 16} if slices else {"samples": 256, "pattern": "sobol"}
+        settings = mb.Settings(**places, **given)
+        return mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings).rgba
+
+    samples = 16 if "slices" in values else 1024
+    settings = mb.Settings(**{"method": "stochastic", "samples": samples, "filter": name} | values)
+    found = mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings).rgba
+    narrower = RADII[name] / 1.3
+    near = 1e-3 if slices else 7e-3
+    assert np.sqrt(np.mean((found - exact(filter=name)) ** 2)) < near
+    assert np.sqrt(np.mean((found - exact(filter=name, filter_radius=narrower)) ** 2)) > 0.012
 
 
 def test_rgss_has_the_mean_of_its_filter():

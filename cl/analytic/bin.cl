@@ -2,18 +2,10 @@
 //
 // Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in the order
 // given, in any run and on any number of threads.
+#include "shared/grid.h"
 #include "shared/records.h"
 
 #pragma OPENCL FP_CONTRACT OFF
-
-typedef struct {
-    int x, y;          // first pixel of the first tile
-    int columns, rows; // tiles
-    int size;          // pixels along a tile's edge
-    uint paths;
-    uint chunk;        // paths per work-item
-    float x_low, x_high, y_low, y_high; // where samples lie, relative to their pixels
-} Grid;
 
 // Pixels by which float32 may be wrong about a place at (x, y): of planes, bounds and samples.
 static inline float rounding_at(float x, float y) { return 4e-7f * (x + y); }

@@ -26,6 +26,28 @@ typedef struct {
 #endif
 } Gather;
 
+#define RECORDS_AHEAD 8  // paths ahead of which their records are asked for
+#define VERTICES_AHEAD 4 // likewise their vertices, once the path is there
+
+// Ask for what members after the k-th need: a tile's paths lie far apart in memory.
+static inline void fetch_ahead(const Tile *tile, uint k)
+{
+    if (k + RECORDS_AHEAD < tile->member_count) {
+        uint path = tile->members[k + RECORDS_AHEAD];
+        global const char *shape = (global const char *)(tile->shapes + path);
+        for (int i = 0; i < (int)sizeof(Shape); i += 64) fetch(shape + i);
+        fetch(tile->scene.paths + path);
+    }
+    if (k + VERTICES_AHEAD < tile->member_count) {
+        global const Path *path = tile->scene.paths + tile->members[k + VERTICES_AHEAD];
+        const uint corner[3] = {path->a, path->b, path->c};
+        for (int i = 0; i < 3; i++) {
+            fetch(tile->scene.vertices + corner[i]);
+            fetch(tile->scene.vertices + corner[i] + path->step);
+        }
+    }
+}
+
 // Give the lanes that no sample fills something to compute with.
 static void clear_gather(Gather *g)
 {
@@ -76,9 +98,9 @@ static bool next_row(const Tile *tile, Gather *g)
     }
 }
 
-// Gather the next samples; `bounded` leaves out those that something static lies before. False when
-// there are none left.
-static bool gather_samples(const Tile *tile, Gather *g, bool bounded)
+// Gather the next samples, but for those that something static lies before. False when there are
+// none left.
+static bool gather_samples(const Tile *tile, Gather *g)
 {
     g->waiting = 0;
     for (;;) {
@@ -88,7 +110,7 @@ static bool gather_samples(const Tile *tile, Gather *g, bool bounded)
         for (; g->column <= g->last[g->row]; g->column++) {
             int sample = start + g->column;
 #ifdef STATIC
-            if (bounded && g->shape->near > tile->static_depth[sample]) continue;
+            if (g->shape->near > tile->static_depth[sample]) continue;
 #endif
             Place place = place_of(tile, sample);
             g->samples[g->waiting] = sample;

@@ -54,16 +54,35 @@ static void nearest_of_gathered(Tile *tile, const Gather *g)
     }
 }
 
-// Nearest static surface of every sample of the piece. Always true: a z-buffer cannot run full.
+// Depth that no surface of the piece lies behind.
+static double farthest_surface(const Tile *tile)
+{
+    Wide far = 0.0;
+    for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i += WIDE)
+        far = wide_max(far, vload8(0, tile->static_depth + i));
+    double depth[WIDE], most = 0.0;
+    vstore8(far, 0, depth);
+    for (int i = 0; i < WIDE; i++) most = fmax(most, depth[i]);
+    return most;
+}
+
+#define PATHS_BETWEEN 8 // paths after which the farthest surface is looked for again
+
+// Nearest static surface of every sample of the piece: paths come from near to far, and end where
+// all that follow lie behind. Always true: a z-buffer cannot run full.
 static bool nearest(Tile *tile)
 {
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++)
         tile->static_depth[i] = INFINITY;
     Gather g;
     clear_gather(&g);
+    double far = INFINITY;
     for (uint k = 0; k < tile->static_count; k++) {
+        if (k % PATHS_BETWEEN == 0) far = farthest_surface(tile);
+        if (tile->shapes[tile->members[k]].near > far) break;
+        fetch_ahead(tile, k);
         begin_gather(tile, tile->members[k], &g);
-        while (gather_samples(tile, &g, false)) nearest_of_gathered(tile, &g);
+        while (gather_samples(tile, &g)) nearest_of_gathered(tile, &g);
     }
     return true;
 }

@@ -1,12 +1,14 @@
 // Stage "place": where the samples of a tile lie, and the point of the lens that each looks
 // through, different in every pixel.
 //
-// The samples of a pixel are a randomized (0, 2)-net, Owen's nested scrambling of the Hammersley
-// points (Owen 1995): of N = 2^k samples each row and each column of an N x N grid holds one.
-// Sample l lies in row l, so the samples of a layer have nearly the same height in every pixel and
-// rows can be walked. Any other number takes the first N points of the scrambled Sobol sequence.
-// Lens points are a net of their own, whose order is shuffled (Burley 2020), mapped to a disc
-// (Shirley & Chiu 1997) or to a polygon of blades.
+// The samples of a pixel are Hammersley's points under Owen's nested scrambling (Owen 1995), in
+// four dimensions: y, x, and the two of the lens. Sample l of N lies in row l, so the samples of a
+// layer have nearly the same height in every pixel and rows can be walked; the other three are the
+// Sobol sequence (Joe & Kuo 2008) at the row's index. Of N = 2^k samples each row and each column
+// of an N x N grid holds one, and other pairs of dimensions are nearly as well spread. The fixed
+// pattern takes its lens from the same sequence, in Morton's order of its samples (Ahmed & Wonka
+// 2020). The square of the lens is mapped to a disc (Shirley & Chiu 1997) or to a polygon of
+// blades.
 #include "analytic/tile.h"
 #include "shared/bits.h"
 #include "shared/lens.h"
@@ -25,7 +27,7 @@ static uint scramble_bits(uint x, int count, uint seed, bool back)
     return result | (mix_bits(seed ^ mix_bits(x >> (32 - max(count, 1)))) & low);
 }
 
-// Second dimension of the Sobol sequence: the columns of its matrix are rows of Pascal's triangle.
+// The second and third dimensions of the Sobol sequence; bit-reversed numbers are the first.
 static uint sobol_second(uint index)
 {
     uint result = 0u;
@@ -34,39 +36,52 @@ static uint sobol_second(uint index)
     return result;
 }
 
-static inline float unit_float(uint x) { return (x >> 8) * 0x1p-24f; }
+static uint sobol_third(uint index)
+{
+    uint result = 0u;
+    for (uint column = 1u << 31, next = 3u << 30; index != 0u; index >>= 1) {
+        if (index & 1u) result ^= column;
+        uint after = next ^ column ^ column >> 2;
+        column = next;
+        next = after;
+    }
+    return result;
+}
 
-// Sample l of `count` of the net with this seed, in [0, 1)^2.
+#define INDEX_BITS (32 - (int)clz((uint)SAMPLES - 1u))
+
+// A number in [0, 1) of the sequence whose points have these bits, scrambled.
+static inline float scrambled(uint bits, uint seed)
+{
+    return (scramble_bits(bits, INDEX_BITS, seed, false) >> 8) * 0x1p-24f;
+}
+
+// Index in the sequence of the sample in row l; of 2^k rows the order is scrambled too.
+static uint index_of_row(uint l, uint seed)
+{
+#if SAMPLES > 1 && (SAMPLES & (SAMPLES - 1)) == 0
+    const int unused = 32 - INDEX_BITS;
+    return scramble_bits(l << unused, INDEX_BITS, seed, true) >> unused;
+#else
+    return l;
+#endif
+}
+
+// Place of sample l in the unit square of a pixel with this seed.
 static float2 net_point(uint l, uint seed)
 {
-#if (SAMPLES & (SAMPLES - 1)) == 0
-    const int bits = 31 - clz(SAMPLES);
-    // Row l of the scrambled net was row j of the Hammersley points.
-    uint j = 0u;
-    if (bits > 0) j = scramble_bits(l << (31 - bits) << 1, bits, seed, true) >> (31 - bits) >> 1;
-    uint across = scramble_bits(reverse_bits(j), bits, seed + 0x9e3779b9u, false);
-    uint within = mix_bits(seed ^ mix_bits(l + 0x85ebca6bu));
-    return (float2)(unit_float(across), (l + unit_float(within)) * (1.0f / SAMPLES));
-#else
-    uint across = scramble_bits(reverse_bits(l), 24, seed + 0x9e3779b9u, false);
-    uint down = scramble_bits(sobol_second(l), 24, seed, false);
-    return (float2)(unit_float(across), unit_float(down));
-#endif
+    float across = scrambled(reverse_bits(index_of_row(l, seed)), seed + 0x9e3779b9u);
+    float within = (mix_bits(seed ^ mix_bits(l + 0x85ebca6bu)) >> 8) * 0x1p-24f;
+    return (float2)(across, (l + within) * (1.0f / SAMPLES));
 }
 
 #ifdef LENS
 
 static float2 lens_point(uint l, uint seed)
 {
-    float2 square;
-#if (SAMPLES & (SAMPLES - 1)) == 0
-    const int bits = 31 - clz(SAMPLES);
-    uint shuffled = bits == 0 ? 0u
-        : scramble_bits(l << (31 - bits) << 1, bits, seed ^ 0x68bc21ebu, false) >> (31 - bits) >> 1;
-    square = net_point(shuffled, seed ^ 0x02e5be93u);
-#else
-    square = net_point(l, seed ^ 0x02e5be93u);
-#endif
+    uint index = index_of_row(l, seed);
+    float2 square = (float2)(scrambled(sobol_second(index), seed ^ 0x02e5be93u),
+        scrambled(sobol_third(index), seed ^ 0x68bc21ebu));
 #ifdef BLADES
     return square_to_polygon(square);
 #else

@@ -9,21 +9,16 @@
 #else
 #include "analytic/varying_surface.h"
 #endif
+#include "analytic/surface_color.h"
 
 #if defined(PHONG) || defined(TEXTURED) || defined(VERTEX_COLOR)
 #define VARYING
 #endif
 
 #ifdef VARYING
-
-// Number of places along a span at which its colour is found: one if nothing can vary.
-static inline int evaluations(const Shaded *s)
-{
-    bool varies = s->path.step != 0
-                  && (s->material.texture != NONE || (s->material.flags & MATERIAL_PHONG)
-                      || s->mesh.color != NONE);
-    return varies ? TEXTURE_SAMPLES : 1;
-}
+#ifdef STATIC
+#include "analytic/still.h"
+#endif
 
 // The light that passes in each of the n equal parts of the span from `first` on; nothing beyond n.
 static inline Lanes part_light(const Tile *tile, const Shaded *s, Span span, int first, int n)
@@ -54,14 +49,14 @@ static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Spa
 }
 #endif
 
-// Average colour of the span, from sixteen of its n places at a time.
-static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3 base)
+// Average colour of the span, from TEXTURE_SAMPLES places, sixteen at a time.
+static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 {
+    const int n = TEXTURE_SAMPLES;
     Varying v = prepare_varying(tile, s, span);
-    int n = evaluations(s);
+    float level = 0.0f;
 #ifdef TEXTURED
-    bool has_texture = s->material.texture != NONE;
-    float level = has_texture ? span_level(tile, s, &v, span, n) : 0.0f;
+    if (s->material.texture != NONE) level = span_level(tile, s, &v, span, n);
 #endif
     float3 sum = 0.0f;
     float total = 0.0f;
@@ -69,28 +64,16 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
         Lanes i = lanes_min(first + LANE_INDEX, (Lanes)(n - 1.0f));
         Lanes t = span.t0 + (span.t1 - span.t0) * ((i + 0.5f) / n);
         Attributes a = attributes_at(s, &v, t);
-        Lanes3 here = {base.x * a.color.x, base.y * a.color.y, base.z * a.color.z};
-#ifdef TEXTURED
-        if (has_texture) {
-            Texture texture = tile->scene.textures[s->material.texture];
-            Lanes3 texel = texture_at(tile->scene.texels, texture, a.u, a.v, level, n - first);
-            here.x *= texel.x, here.y *= texel.y, here.z *= texel.z;
-        }
+        Lanes w = 1.0f, across = 0.0f, down = 0.0f; // depth is for what lies near
+#if defined(PHONG) && (defined(POINT_LIGHTS) || defined(LENS))
+        w = varying_depth(&v, t);
 #endif
-#ifdef PHONG
-        if (s->material.flags & MATERIAL_PHONG) {
-            Lanes w = 1.0f; // depth is for what lies near
-#if defined(POINT_LIGHTS) || defined(LENS)
-            w = lanes_min(lanes_max(varying_depth(&v, t), 1e-30f), 1e30f); // not in the eye
+#if defined(PHONG) && defined(LENS)
+        // A point is seen through the middle of the lens where its circle of confusion is not.
+        w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
+        across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
 #endif
-            Lanes across = 0.0f, down = 0.0f;
-#ifdef LENS
-            // A point is seen through the middle of the lens where its circle of confusion is not.
-            across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
-#endif
-            here = reflect_light(&tile->scene, s, &a, here, t, w, across, down);
-        }
-#endif
+        Lanes3 here = surface_color(tile, s, &a, level, n - first, t, w, across, down);
         Lanes light = part_light(tile, s, span, first, n);
         sum += (float3)(lanes_sum(light * here.x), lanes_sum(light * here.y),
                         lanes_sum(light * here.z));
@@ -101,25 +84,32 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span, float3
 
 #endif // VARYING
 
-static float3 span_color(const Tile *tile, Span span, Place place, float2 window)
+static float3 span_color(const Tile *tile, int sample, Span span, Place place, float2 window)
 {
-    global const Path *path = tile->scene.paths + span_path(tile, span);
-    float3 color = load3(path->color);
+    uint path = span_path(tile, span);
 #ifdef VARYING
-    Shaded s;
-    s.path = *path, s.mesh = tile->scene.meshes[path->mesh];
-    s.material = tile->scene.materials[s.mesh.material];
-    bool flat = s.material.texture == NONE && !(s.material.flags & MATERIAL_PHONG);
-    if (flat && s.mesh.color == NONE) return color;
-    s.segment = (path->a - s.mesh.vertex) / s.mesh.count;
-    s.place = place, s.window = window;
-    load_corners(&tile->scene, &s);
-#ifdef PHONG
-    load_view(&tile->scene, &s);
+#ifdef STATIC
+    if (path < tile->static_paths) return tile->still[sample].xyz;
 #endif
-    color = varying_color(tile, &s, span, color);
+    Shaded s = load_shaded(tile, path);
+    if (varies_on_surface(&s)) {
+        s.place = place, s.window = window;
+        load_attributes(tile, &s);
+        return varying_color(tile, &s, span);
+    }
 #endif
-    return color;
+    return load3(tile->scene.paths[path].color);
+}
+
+#define SPANS_AHEAD 4 // spans ahead of which their paths are asked for
+
+static inline void fetch_path(const Tile *tile, uint path)
+{
+    fetch(tile->scene.paths + path);
+#ifdef EXACT
+    global const char *depth = (global const char *)(tile->depths + path);
+    for (int i = 0; i < (int)sizeof(Depth); i += 64) fetch(depth + i);
+#endif
 }
 
 // Add the spans of a sample to its pixel: colour with coverage, and depth.
@@ -130,14 +120,16 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
     float4 color = 0.0f;
     float depth = 0.0f;
     for (uint i = 0; i < count; i++) {
+        if (i + SPANS_AHEAD < count) fetch_path(tile, span_path(tile, spans[i + SPANS_AHEAD]));
         Span span = spans[i];
-        color += span.weight * (float4)(span_color(tile, span, place, window), 1.0f);
+        color += span.weight * (float4)(span_color(tile, sample, span, place, window), 1.0f);
         depth += span.weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
     }
     tile->color[pixel] += weight_of(tile, sample) * color;
     tile->depth[pixel] += weight_of(tile, sample) * depth;
 }
 
+// Add what a sample of the piece sees to its pixel.
 static void shade_sample(Tile *tile, int row, int column)
 {
     int sample = row * TILE + column, pixel = row % TILE * TILE + column;
@@ -148,8 +140,10 @@ static void shade_sample(Tile *tile, int row, int column)
 #elif defined(STATIC) // an empty scene has neither
     if (!(tile->static_depth[sample] < INFINITY)) return;
     Span always = {0.0f, 1.0f, 1.0f, tile->static_part[sample] >> PART_BITS};
-    tile->spans[0] = always;
-    add_spans(tile, sample, pixel, tile->spans, 1u);
+    Place place = place_of(tile, sample);
+    float3 color = span_color(tile, sample, always, place, window_of(tile, sample));
+    tile->color[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
+    tile->depth[pixel] += weight_of(tile, sample) * (float)tile->static_depth[sample];
     tile->count[pixel]++;
 #endif
 }
@@ -157,6 +151,9 @@ static void shade_sample(Tile *tile, int row, int column)
 // Add every span of the piece to its pixel, sample by sample. Always true.
 static bool shade(Tile *tile)
 {
+#if defined(VARYING) && defined(STATIC)
+    shade_all_still(tile);
+#endif
     for (int row = tile->row_low; row < tile->row_high; row++) {
         if (!row_is_rendered(tile, row)) continue;
         for (int column = tile->x_low; column < tile->x_high; column++)

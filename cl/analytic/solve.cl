@@ -201,8 +201,9 @@ static bool solve(Tile *tile)
     Gather g;
     clear_gather(&g);
     for (uint k = tile->static_count; k < tile->member_count; k++) {
+        fetch_ahead(tile, k);
         begin_gather(tile, tile->members[k], &g);
-        while (gather_samples(tile, &g, true))
+        while (gather_samples(tile, &g))
             if (!solve_gathered(tile, &g)) return false;
     }
     return true;

@@ -37,7 +37,7 @@ enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MAS
        TESTS, HITS,
        COUNTERS };
 
-#ifdef HAS_CYCLE_COUNTER
+#ifdef CLANG_BUILTINS
 #define TICKS() __builtin_readcyclecounter()
 #else
 #define TICKS() 0ul
@@ -197,6 +197,7 @@ kernel void tile(
 #ifdef WEIGHTED
         .weights = (global float *)per_sample + 13 * ROWS * TILE,
 #endif
+        .still = (global float4 *)(per_sample + 14 * ROWS * TILE),
 #ifdef EXACT
         .tails = (global int *)(per_sample + 7 * ROWS * TILE),
         .visits = visits + pool, .fronts = fronts + pool, .merged = merged + pool,

@@ -20,7 +20,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 
 #define ROWS (LAYERS * TILE)
-#define SAMPLE_WORDS 14 // scratch words per sample: static_depth ... places
+#define SAMPLE_WORDS 18 // scratch words per sample: static_depth ... still
 #define SORT_ARRAYS 9
 #define ORDER_ARRAYS 5
 #define PIXEL_VECTORS 2 // scratch float4s per pixel: color; depth, count
@@ -70,11 +70,22 @@ typedef struct {
     global Run *span_runs;       // spans of each sample
     global double *static_depth; // of the nearest static surface
     global uint *static_part;
+    global float4 *still;        // its colour
     global uint *met;            // intervals met by each sample
     global float4 *color;        // per pixel: sums over samples, alpha last
     global float *depth;
     global uint *count;          // intervals met
 } Tile;
+
+// Ask for a cache line ahead of its use.
+static inline void fetch(global const void *line)
+{
+#ifdef CLANG_BUILTINS
+    __builtin_prefetch((const void *)(size_t)line, 0, 3);
+#else
+    prefetch((global const char *)line, 64);
+#endif
+}
 
 static inline float sample_y(const Tile *tile, int row)
 {

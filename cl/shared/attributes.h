@@ -5,7 +5,7 @@
 #include "shared/scene.h"
 #include "shared/shading.h"
 
-#if defined(LENS) || defined(STOCHASTIC)
+#if defined(LENS) || defined(STOCHASTIC) || defined(STATIC)
 #define VIEW_VARIES // samples of one surface don't look along one ray
 #endif
 

@@ -106,6 +106,8 @@ static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lan
                     Lanes3 view, global const Light *lights, uint light_count)
 {
     Lanes3 sum = {0.0f, 0.0f, 0.0f};
+    const float *specular = material->specular;
+    bool shiny = specular[0] != 0.0f || specular[1] != 0.0f || specular[2] != 0.0f;
     for (uint i = 0; i < light_count; i++) {
         Light light = lights[i];
         float3 arriving = (float3)(light.color[0], light.color[1], light.color[2]);
@@ -126,15 +128,18 @@ static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lan
 #endif
         Lanes cosine = lanes_dot(normal, towards);
         cosine = cosine > 0.0f ? cosine : (Lanes)(0.0f);
-        Lanes reflected = 2.0f * cosine * lanes_dot(normal, view) - lanes_dot(towards, view);
-        int16 shines = (reflected > 0.0f) & (cosine > 0.0f);
-        Lanes highlight = lanes_power(shines ? lanes_min(reflected, (Lanes)(1.0f)) : (Lanes)(1.0f),
-                                      material->shininess);
-        highlight = shines ? highlight * strength : (Lanes)(0.0f);
+        Lanes highlight = 0.0f;
+        if (shiny) {
+            Lanes reflected = 2.0f * cosine * lanes_dot(normal, view) - lanes_dot(towards, view);
+            int16 shines = (reflected > 0.0f) & (cosine > 0.0f);
+            reflected = shines ? lanes_min(reflected, (Lanes)(1.0f)) : (Lanes)(1.0f);
+            highlight = lanes_power(reflected, material->shininess);
+            highlight = shines ? highlight * strength : (Lanes)(0.0f);
+        }
         Lanes diffuse = cosine * strength;
-        sum.x += arriving.x * (color.x * diffuse + material->specular[0] * highlight);
-        sum.y += arriving.y * (color.y * diffuse + material->specular[1] * highlight);
-        sum.z += arriving.z * (color.z * diffuse + material->specular[2] * highlight);
+        sum.x += arriving.x * (color.x * diffuse + specular[0] * highlight);
+        sum.y += arriving.y * (color.y * diffuse + specular[1] * highlight);
+        sum.z += arriving.z * (color.z * diffuse + specular[2] * highlight);
     }
     return sum;
 }

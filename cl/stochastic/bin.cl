@@ -3,20 +3,11 @@
 //
 // Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in the order
 // given, in any run and on any number of threads.
-#include "shared/records.h"
+#include "shared/grid.h"
 #include "shared/lanes.h"
+#include "shared/records.h"
 
 #pragma OPENCL FP_CONTRACT OFF
-
-#define TILE 16
-
-typedef struct {
-    int x, y;          // first pixel of the first tile
-    int columns, rows; // tiles
-    uint paths;
-    uint chunk;        // paths per work-item
-    float low, high;   // where samples lie, relative to their pixels
-} Grid;
 
 // Bounds on screen in each part, in pixels from the first of the grid; everywhere where they reach
 // behind the eye.
@@ -73,20 +64,21 @@ static void bin_chunk(global const Vertex *vertices, global const Path *paths,
                       global uint *place, global uint *entries)
 {
     uint begin = chunk * grid.chunk, end = min(begin + grid.chunk, grid.paths);
-    // A pixel's samples lie from `low` to `high` of it: a tile's from low to TILE - 1 + high.
-    float after = TILE - 1 + grid.high;
+    // A pixel's samples lie from x_low to x_high of it: a tile's to size - 1 + x_high.
+    float size = grid.size, right_of = size - 1 + grid.x_high, below = size - 1 + grid.y_high;
     for (uint i = begin; i < end; i++) {
         if (bounds[order[i]].flags & BOUNDS_CULLED) continue;
         Boxes boxes = boxes_of(vertices, paths[order[i]], grid);
-        float top = ceil((least(boxes.top) - after) / TILE);
-        float bottom = floor((-least(-boxes.bottom) - grid.low) / TILE);
+        float top = ceil((least(boxes.top) - below) / size);
+        float bottom = floor((-least(-boxes.bottom) - grid.y_low) / size);
         int first = (int)fmin(fmax(top, 0.0f), (float)grid.rows);
         int last = (int)fmax(fmin(bottom, grid.rows - 1.0f), -1.0f);
         for (int row = first; row <= last; row++) {
-            LaneMask in = (boxes.top <= row * TILE + after)
-                & (boxes.bottom >= row * TILE + grid.low);
-            float left = ceil((least(in ? boxes.left : (Lanes)(INFINITY)) - after) / TILE);
-            float right = floor((-least(in ? -boxes.right : (Lanes)(INFINITY)) - grid.low) / TILE);
+            LaneMask in = (boxes.top <= row * size + below)
+                & (boxes.bottom >= row * size + grid.y_low);
+            float left = ceil((least(in ? boxes.left : (Lanes)(INFINITY)) - right_of) / size);
+            float right = -least(in ? -boxes.right : (Lanes)(INFINITY));
+            right = floor((right - grid.x_low) / size);
             int from = (int)fmin(fmax(left, 0.0f), (float)grid.columns);
             int to = (int)fmax(fmin(right, grid.columns - 1.0f), -1.0f);
             for (int column = from; column <= to; column++) {

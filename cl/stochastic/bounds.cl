@@ -1,5 +1,4 @@
-// Stage "bounds": what a path's vertices say about all samples, and the colour of paths that have
-// one.
+// Stage "bounds": what a path's vertices say about all samples.
 #include "shared/scene.h"
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -69,7 +68,7 @@ static bool faces_away(const double3 *q, const double *circle)
 
 kernel void bounds(global const Vertex *vertices, global const Path *paths, uint count,
                    global const Mesh *meshes, global const Material *materials,
-                   int width, int height, global Bounds *out, global float4 *flat)
+                   int width, int height, global Bounds *out)
 {
     uint start = get_global_id(0) * PATHS_PER_ITEM;
     for (uint i = start; i < min(start + PATHS_PER_ITEM, count); i++) {
@@ -93,7 +92,5 @@ kernel void bounds(global const Vertex *vertices, global const Path *paths, uint
             bounds.flags |= BOUNDS_SINGLE_SIDED | (faces_away(q, circle) ? BOUNDS_CULLED : 0u);
         if (high <= 0.0) bounds.flags |= BOUNDS_CULLED;
         out[i] = bounds;
-        flat[i] = (float4)(path.color[0], path.color[1], path.color[2], 1.0f);
     }
-    if (start == 0) flat[count] = (float4)(0.0f);
 }

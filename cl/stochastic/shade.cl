@@ -25,6 +25,12 @@ static inline float sign_of_sample(const Tile *tile, int index, int pixel)
 #endif
 }
 
+// Colour of a path where it does not vary, and alpha 1; nothing of NONE.
+static inline float4 path_color(const Tile *tile, uint path)
+{
+    return path == NONE ? (float4)(0.0f) : (float4)(load3(tile->scene.paths[path].color), 1.0f);
+}
+
 static inline void add_sample(Tile *tile, int index, float4 color)
 {
     int pixel = index % SLAB;
@@ -91,7 +97,7 @@ static Lanes3 surface_colors(const Tile *tile, const Surface *surface, const Sam
         weights[i] = share * (1.0f - tau), weights[i + 3] = share * tau;
     }
     Attributes a = blend_corners(s, weights);
-    float4 base = tile->flat[surface->path];
+    float4 base = path_color(tile, surface->path);
     Lanes3 color = {base.x * a.color.x, base.y * a.color.y, base.z * a.color.z};
 #ifdef TEXTURED
     if (s->material.texture != NONE) {
@@ -177,7 +183,7 @@ static void color_samples(const Tile *tile, const Surface *surface, const int *l
 {
     Lanes w;
     if (surface->flat) {
-        for (int i = 0; i < count; i++) colors[i] = tile->flat[surface->path];
+        for (int i = 0; i < count; i++) colors[i] = path_color(tile, surface->path);
     } else if (shaded_once(&surface->shaded)) {
         Samples mean = mean_of_listed(tile, list, count, &w);
         Lanes3 color = surface_colors(tile, surface, &mean, w, 1);
@@ -231,8 +237,7 @@ static void shade(Tile *tile)
 static void shade(Tile *tile)
 {
     for (int index = 0; index < tile->slabs * SLAB; index++) {
-        uint owner = tile->owners[index];
-        add_sample(tile, index, tile->flat[owner == NONE ? tile->path_count : owner]);
+        add_sample(tile, index, path_color(tile, tile->owners[index]));
     }
 }
 

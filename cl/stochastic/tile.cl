@@ -1,8 +1,6 @@
 // The stochastic path, tile by tile. Each work-item takes tiles from a queue until it is empty and
-// runs the stages on them in order:
-//
-//
-// the first three for one group of slabs after the other.
+// runs the stages on them in order: scatter, sample, shade for one group of slabs after the other,
+// then resolve.
 #include "stochastic/tile.h"
 #include "stochastic/scatter.cl"
 #include "stochastic/cull/cull.h"
@@ -53,7 +51,6 @@ typedef struct {
     int x, y;          // first pixel of the first tile
     int columns, rows; // tiles
     uint queued;       // tiles to render
-    uint paths;
     uint light_count, seed;
     float roll_start, roll_step, roll_length;
     float reach_low, reach_high;
@@ -75,9 +72,9 @@ static void place_frame(Tile *tile, TileGrid grid)
 
 kernel void tile(
     global const Vertex *vertices, global const Path *paths, global const Bounds *bounds,
-    global const float4 *flat, global const Mesh *meshes, global const Material *materials,
-    global const float *vertex_colors, global const float *uvs,
-    global const float *normals, global const Texture *textures, global const float4 *texels,
+    global const Mesh *meshes, global const Material *materials,
+    global const float *vertex_colors, global const float *uvs, global const float *normals,
+    global const Texture *textures, global const float4 *texels,
     global const Light *lights, global const Camera *cameras, global const Slot *slots,
     global const float *filter, global const ShutterKey *shutter, global const float *background,
     global const uint *starts, global const uint *members, global const uint *queue,
@@ -98,7 +95,7 @@ kernel void tile(
             .roll_start = grid.roll_start, .roll_step = grid.roll_step,
             .roll_length = grid.roll_length
         },
-        .bounds = bounds, .flat = flat, .path_count = grid.paths,
+        .bounds = bounds,
         .reach_low = grid.reach_low, .reach_high = grid.reach_high,
         .xs = part[0], .ys = part[1], .ts = part[2], .zs = part[3],
         .owners = (global uint *)part[4], .us = part[5], .vs = part[6],

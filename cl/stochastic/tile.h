@@ -34,8 +34,6 @@ typedef struct {
 typedef struct {
     Scene scene;
     global const Bounds *bounds; // of the paths
-    uint path_count;
-    global const float4 *flat;   // colour of each path where it doesn't vary, and alpha 1
     int x, y;                    // first pixel of the tile in the frame
     int x_low, x_high;           // columns of the tile that are rendered, low <= x < high
     int y_low, y_high;           // rows likewise

@@ -119,7 +119,7 @@ def _interval_bytes(settings: Settings) -> int:
     return sum(kind.itemsize for kind in kinds)
 
 
-def copy_bandwidth(runtime: Runtime, rounds: int = 5) -> float:
+def copy_bandwidth(runtime: Runtime, rounds: int = 20) -> float:
     """Bytes per second, read and written, of a copy of 128 MiB on the device; best of ``rounds``.
 
     All work-items that a render would have copy at once.

@@ -2,9 +2,10 @@
 #include "stochastic/scatter.cl"
 
 kernel void scatter_tile(global const Slot *slots, global const float *filter,
-                         global const ShutterKey *shutter, uint seed, int x, int y, float roll_start,
-                         float roll_step, float roll_length, global float *xs, global float *ys,
-                         global float *ts, global float *us, global float *vs, global float *zs,
+                         global const ShutterKey *shutter, uint seed, int x, int y,
+                         float roll_start, float roll_step, float roll_length,
+                         global float *xs, global float *ys, global float *ts,
+                         global float *us, global float *vs, global float *zs,
                          global uint *owners)
 {
     Tile tile;

@@ -1,8 +1,10 @@
 // How the published methods go over a tile: path by path, and for each block of pixels slab by
 // slab.
 //
-// A method's file defines what it knows of a path (Cull), of the pixels of a block (Bounded), and
-// Samples at times of other motion segments are never tested.
+// A method's file defines what it knows of a path (Cull) and of the pixels of a block (Bounded);
+// begin_path, whether a path is scanned at all; bound_pixels, which of a block's pixels it may
+// touch; and keep_samples, which of their samples are tested. Samples at times of other motion
+// segments never are.
 #ifndef MB_SCAN_H
 #define MB_SCAN_H
 

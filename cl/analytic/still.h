@@ -1,0 +1,120 @@
+// Colours of what does not move, for sixteen samples at a time. A sample has one such colour, that
+// of its nearest static surface, whenever it is seen.
+#ifndef MB_STILL_H
+#define MB_STILL_H
+
+#include "analytic/edges.h"
+#include "analytic/surface_color.h"
+
+// Samples that see the same path.
+typedef struct {
+    uint path;
+    int count;
+    int samples[LANES];
+    float x[LANES], y[LANES], w[LANES];
+#ifdef LENS
+    float u[LANES], v[LANES];
+#endif
+} Still;
+
+static Attributes still_attributes(const Tile *tile, const Still *still, const Shaded *s)
+{
+    MovingTriangle m;
+    load_moving(tile->scene.vertices, s->path, tile->shapes[still->path].flags, &m);
+    double16 x[3], y[3], e[3], sum = 0.0;
+    for (int i = 0; i < 3; i++) {
+        x[i] = m.x[i], y[i] = m.y[i];
+#ifdef LENS
+        x[i] = fma(convert_double16(vload16(0, still->u)), (double16)(m.circle[i]), x[i]);
+        y[i] = fma(convert_double16(vload16(0, still->v)), (double16)(m.circle[i]), y[i]);
+#endif
+        x[i] = fma(-convert_double16(vload16(0, still->x)), (double16)(m.w[i]), x[i]);
+        y[i] = fma(-convert_double16(vload16(0, still->y)), (double16)(m.w[i]), y[i]);
+    }
+    for (int i = 0; i < 3; i++) {
+        int p = edge_first(&m, i), q = edge_second(&m, i);
+        double sign = (m.reversed >> i & 1u) ? -1.0 : 1.0;
+        e[i] = sign * fma(x[p], y[q], -(x[q] * y[p]));
+        sum += e[i];
+    }
+    Lanes weights[6];
+    for (int i = 0; i < 3; i++) {
+        weights[i] = convert_float16(sum != 0.0 ? e[i] / sum : (double16)(1.0 / 3.0));
+        weights[i + 3] = 0.0f;
+    }
+    return blend_corners(s, weights);
+}
+
+// Find the colours of the samples at hand; the lanes beyond repeat the last one.
+static void shade_still(Tile *tile, Still *still)
+{
+    if (still->count == 0) return;
+    for (int i = still->count; i < LANES; i++) {
+        still->x[i] = still->x[i - 1], still->y[i] = still->y[i - 1], still->w[i] = still->w[i - 1];
+#ifdef LENS
+        still->u[i] = still->u[i - 1], still->v[i] = still->v[i - 1];
+#endif
+    }
+    Shaded s = load_shaded(tile, still->path);
+    Lanes3 color = {s.path.color[0], s.path.color[1], s.path.color[2]};
+    if (varies_on_surface(&s)) {
+        Place place = {still->x[0], still->y[0], 0.0f, 0.0f};
+        s.place = place;
+        load_attributes(tile, &s);
+        Attributes a = still_attributes(tile, still, &s);
+        Lanes w = vload16(0, still->w);
+        Lanes across = vload16(0, still->x) - place.x, down = vload16(0, still->y) - place.y;
+#ifdef LENS
+        // A point is seen through the middle of the lens where its circle of confusion is not.
+        across -= vload16(0, still->u) * a.circle / w;
+        down -= vload16(0, still->v) * a.circle / w;
+#endif
+        Lanes t = s.path.open;
+        color = surface_color(tile, &s, &a, 0.0f, still->count, t, w, across, down);
+    }
+    for (int i = 0; i < still->count; i++)
+        tile->still[still->samples[i]] = (float4)(((const float *)&color.x)[i],
+                                                  ((const float *)&color.y)[i],
+                                                  ((const float *)&color.z)[i], 1.0f);
+    still->count = 0;
+}
+
+// Whether the sample's static surface is ever seen.
+static inline bool sees_still(const Tile *tile, int sample)
+{
+    bool seen = tile->static_depth[sample] < INFINITY;
+#ifdef MOVING
+    Run run = tile->span_runs[sample];
+    bool found = false;
+    for (uint i = 0; seen && !found && i < run.count; i++)
+        found = span_path(tile, tile->spans[run.start + i]) < tile->static_paths;
+    seen &= found;
+#endif
+    return seen;
+}
+
+// Colours of all samples of the piece that see something static.
+static void shade_all_still(Tile *tile)
+{
+    Still still = {.count = 0};
+    for (int row = tile->row_low; row < tile->row_high; row++) {
+        if (!row_is_rendered(tile, row)) continue;
+        for (int column = tile->x_low; column < tile->x_high; column++) {
+            int sample = row * TILE + column;
+            if (!sees_still(tile, sample)) continue;
+            uint path = tile->static_part[sample] >> PART_BITS;
+            if (still.count == LANES || path != still.path) shade_still(tile, &still);
+            Place place = place_of(tile, sample);
+            int i = still.count++;
+            still.path = path, still.samples[i] = sample;
+            still.x[i] = place.x, still.y[i] = place.y;
+            still.w[i] = (float)tile->static_depth[sample];
+#ifdef LENS
+            still.u[i] = place.u, still.v[i] = place.v;
+#endif
+        }
+    }
+    shade_still(tile, &still);
+}
+
+#endif

@@ -1,0 +1,56 @@
+// The colour of a path at sixteen points, from its attributes there.
+#ifndef MB_SURFACE_COLOR_H
+#define MB_SURFACE_COLOR_H
+
+#include "analytic/tile.h"
+#include "shared/attributes.h"
+
+static Shaded load_shaded(const Tile *tile, uint path)
+{
+    Shaded s;
+    s.path = tile->scene.paths[path], s.mesh = tile->scene.meshes[s.path.mesh];
+    s.material = tile->scene.materials[s.mesh.material];
+    return s;
+}
+
+// Whether the colour is not the same all over the path.
+static inline bool varies_on_surface(const Shaded *s)
+{
+    return s->material.texture != NONE || (s->material.flags & MATERIAL_PHONG)
+           || s->mesh.color != NONE;
+}
+
+// What the corners have, and the view through the place.
+static void load_attributes(const Tile *tile, Shaded *s)
+{
+    s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
+    load_corners(&tile->scene, s);
+#ifdef PHONG
+    load_view(&tile->scene, s);
+#endif
+}
+
+// Colours with these attributes at times t and depths w, `count` of which matter, of what is seen
+// (across, down) pixels from the place; the texture at mip level `level`.
+static Lanes3 surface_color(const Tile *tile, const Shaded *s, const Attributes *a, float level,
+                            int count, Lanes t, Lanes w, Lanes across, Lanes down)
+{
+    const float *base = s->path.color;
+    Lanes3 color = {base[0] * a->color.x, base[1] * a->color.y, base[2] * a->color.z};
+#ifdef TEXTURED
+    if (s->material.texture != NONE) {
+        Texture texture = tile->scene.textures[s->material.texture];
+        Lanes3 texel = texture_at(tile->scene.texels, texture, a->u, a->v, level, count);
+        color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
+    }
+#endif
+#ifdef PHONG
+    if (s->material.flags & MATERIAL_PHONG) {
+        w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f)); // not in the eye
+        color = reflect_light(&tile->scene, s, a, color, t, w, across, down);
+    }
+#endif
+    return color;
+}
+
+#endif

@@ -1,0 +1,207 @@
+"""What every method does on the device.
+
+The scene goes up, vertices are transformed, paths are listed by tile, tiles are rendered from a
+queue a part at a time, and pixels come back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbinterval.appearance import appearance, fit_background
+from mbinterval.device import records
+from mbinterval.device.runtime import Runtime, seconds
+from mbinterval.errors import CapacityError
+from mbinterval.motion import Motion
+from mbinterval.plan import Crop, Plan, shutter_keys
+from mbinterval.sampling import filter_of, slots_of
+from mbinterval.scene.exposure import Exposure
+
+_BIN_CHUNKS = 64
+_SECONDS_AT_A_TIME = 0.5
+_FIRST_LOAD = 100_000  # paths of tiles times samples: a fifth of a second, more or less
+
+
+@dataclass(frozen=True, eq=False)
+class Pixels:
+    """What the kernels leave behind: arrays of the film's size, seconds by stage, and counts."""
+
+    rgba: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    intervals: NDArray[np.uint32]
+    timings: Mapping[str, float]
+    stats: Mapping[str, int]
+
+
+@dataclass(eq=False)
+class Work:
+    """A frame in work: the plan, the device's buffers by name, and seconds by stage so far."""
+
+    runtime: Runtime
+    plan: Plan
+    buffers: dict[str, Any]
+    exposure: Exposure
+    timings: dict[str, float] = field(default_factory=dict)
+
+
+def upload_scene(
+    runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan
+) -> dict[str, Any]:
+    """Buffers of everything that the kernels read, and a few counts."""
+    shape = filter_of(plan.settings)
+    # Lights are placed relative to the eye, so that they are as exact far from the origin.
+    looks = appearance(motion.materials, exposure.lights, exposure.cameras[0].eye[0])
+    background = np.zeros(0, np.float32)
+    if "-DBACKGROUND_IMAGE" in plan.options:
+        x, y, width, height = plan.crop
+        image = fit_background(np.asarray(exposure.background), plan.width, plan.height)
+        background = np.ascontiguousarray(image[y : y + height, x : x + width])
+    arrays = {
+        "positions": motion.positions,
+        "jobs": motion.jobs,
+        "cameras": motion.cameras,
+        "paths": motion.paths,
+        "meshes": motion.meshes,
+        "color": motion.color,
+        "uv": motion.uv,
+        "normal": motion.normal,
+        "materials": looks.materials,
+        "textures": looks.textures,
+        "texels": looks.texels,
+        "lights": looks.lights,
+        "slots": slots_of(plan.settings),
+        "filter": np.zeros(0) if shape is None else shape.table.astype(np.float32),
+        "shutter": shutter_keys(exposure.shutter),
+        "background": background,
+    }
+    buffers: dict[str, Any] = {}
+    for name, array in arrays.items():
+        buffers[name] = runtime.upload(array, name)
+    buffers["light_count"], buffers["static_paths"] = len(looks.lights), motion.static_paths
+    return buffers
+
+
+def transform_vertices(work: Work, motion: Motion) -> float:
+    """Make ``vertices``, in homogeneous pixel space at the ends of each segment; in seconds."""
+    runtime, buffers = work.runtime, work.buffers
+    size = motion.vertex_count * records.VERTEX.itemsize
+    buffers["vertices"] = runtime.allocate(size, "vertices")
+    if not len(motion.jobs):
+        return 0.0
+    lens = tuple(option for option in work.plan.options if option == "-DLENS")
+    kernel = runtime.kernel("shared/vertices.cl", "vertices", lens)
+    names = ("jobs", "positions", "cameras", "vertices")
+    return seconds(runtime.run(kernel, len(motion.jobs), *(buffers[name] for name in names)))
+
+
+def tile_grid(plan: Plan) -> tuple[int, int, int, int]:
+    """Return the first pixel, and columns and rows, of the tiles that cover the region.
+
+    Tiles lie on multiples of their size in the frame.
+    """
+    x, y, width, height = plan.region
+    left, top = x // plan.tile * plan.tile, y // plan.tile * plan.tile
+    columns = -(-(x + width - left) // plan.tile)
+    return left, top, columns, -(-(y + height - top) // plan.tile)
+
+
+def list_paths(
+    work: Work,
+    file: str,
+    options: Sequence[str],
+    given: Sequence[Any],
+    count: int,
+    reach: tuple[float, float, float, float],
+) -> NDArray[np.int64]:
+    """Stage "bin": ``members`` of every tile, from ``starts[tile]`` to ``starts[tile + 1]``.
+
+    The kernels of ``file`` take the buffers ``given``, of ``count`` paths, and the ``Grid`` of
+    ``cl/shared/grid.h``; ``reach`` says where samples may lie relative to their pixels, x from and
+    to, y from and to. Returns how many paths each tile lists.
+    """
+    runtime, buffers, plan = work.runtime, work.buffers, work.plan
+    left, top, columns, rows = tile_grid(plan)
+    tiles, chunk = columns * rows, max(1, -(-count // _BIN_CHUNKS))
+    chunks = -(-count // chunk)
+    grid = packed("iiiiiIIffff", left, top, columns, rows, plan.tile, count, chunk, *reach)
+    counts = runtime.allocate(4 * chunks * tiles, "counts of paths by tile")
+    buffers["starts"] = runtime.allocate(4 * (tiles + 1), "starts")
+    events = []
+    if chunks:
+        kernel = runtime.kernel(file, "bin_count", tuple(options))
+        events.append(runtime.run(kernel, chunks, *given, grid, counts))
+    scan = runtime.kernel("shared/scan.cl", "bin_scan")
+    numbers = np.uint32(tiles), np.uint32(chunks)
+    events.append(runtime.run(scan, 1, *numbers, counts, buffers["starts"]))
+    starts = runtime.download(buffers["starts"], (tiles + 1,), np.uint32)
+    if starts[-1] == records.NONE:
+        larger = ", or with a larger tile_size" if plan.settings.method == "analytic" else ""
+        raise CapacityError(f"the {tiles} tiles list 2**32 paths or more; render in crops{larger}")
+    buffers["members"] = runtime.allocate(4 * int(starts[-1]), "paths by tile")
+    if chunks:
+        kernel = runtime.kernel(file, "bin_file", tuple(options))
+        events.append(runtime.run(kernel, chunks, *given, grid, counts, buffers["members"]))
+    work.timings["bin"] = sum(seconds(event) for event in events)
+    return np.asarray(np.diff(starts.astype(np.int64)))
+
+
+def in_parts(
+    queue: NDArray[np.uint32],
+    loads: NDArray[np.int64],
+    render: Callable[[NDArray[np.uint32]], float],
+) -> Iterator[int]:
+    """Render the queue of tiles a part at a time; yields how many of them are done.
+
+    The device gets a fraction of a second's worth at a time, so that an interrupt is heard and
+    progress is told. ``loads`` are the tiles' shares of the work; ``render`` returns seconds.
+    """
+    until, done, most = np.cumsum(loads), 0, float(_FIRST_LOAD)
+    while done < len(queue):
+        before = until[done - 1] if done else 0
+        end = max(int(np.searchsorted(until, before + most, side="right")), done + 1)
+        took = render(queue[done:end])
+        load, done = float(until[end - 1] - before), end
+        most = load * np.clip(_SECONDS_AT_A_TIME / max(took, 1e-6), 0.1, 4.0)
+        yield done
+
+
+def add_counts(
+    work: Work,
+    stages: Sequence[str],
+    more: Sequence[str],
+    workers: int,
+    took: float,
+    stats: dict[str, int],
+) -> None:
+    """Share ``took`` out among ``stages`` by their ticks, and add up the other counts.
+
+    ``counters`` has each worker's ticks by stage and then what ``more`` names; only what
+    ``timings`` and ``stats`` have already is kept.
+    """
+    names = (*stages, *more)
+    counted = work.runtime.download(work.buffers["counters"], (workers, len(names)), np.uint64)
+    sums = dict(zip(names, counted.sum(axis=0).tolist(), strict=True))
+    ticks = sum(sums[stage] for stage in stages) or 1
+    for stage in work.timings.keys() & stages:
+        work.timings[stage] += took * sums[stage] / ticks
+    for name in stats:
+        stats[name] += sums[name]
+
+
+def frame_record(region: Crop, background: Any) -> NDArray[np.void]:
+    """Return the ``Frame`` of a part of the frame, over a colour or an image ``background``."""
+    constant = background if isinstance(background, tuple) else (0.0, 0.0, 0.0)
+    return packed("iiiifff", *region, *constant)
+
+
+def packed(kinds: str, *values: Any) -> NDArray[np.void]:
+    """Pack a small argument record of 4-byte numbers: i, I or f each."""
+    types = {"i": "i4", "I": "u4", "f": "f4"}
+    record = np.zeros(1, [(f"value{i}", types[kind]) for i, kind in enumerate(kinds)])
+    record[0] = values
+    return record
