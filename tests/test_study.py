@@ -81,7 +81,8 @@ def result(folder):
     assert [part for part, *_ in told] == [*names, ""]
     assert told[0][1:3] == (0, total)
     assert told[-1][1:] == (total, total, 0.0)
-    assert all(left > 0.0 for *_, left in told[:-1])
+    assert told[0][3] is None
+    assert all(left > 0.0 for *_, left in told[1:-1])
     return found
 
 

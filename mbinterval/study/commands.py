@@ -81,21 +81,23 @@ def _told() -> Iterator[Progress]:
         tqdm(file=sys.stderr, bar_format=shape, dynamic_ncols=True, leave=False) as bar,
     ):
 
-        def tell(part: str, done: int, total: int, left: float) -> None:
+        def tell(part: str, done: int, total: int, left: float | None) -> None:
             bar.total, bar.n = total, done
             bar.set_description_str(f"{part} ({done}/{total}) ", refresh=False)
-            bar.set_postfix_str(f"{_clock(left)} to go")
+            bar.set_postfix_str(_to_go(left))
 
         yield tell
 
 
-def _line(part: str, done: int, total: int, left: float) -> None:
+def _line(part: str, done: int, total: int, left: float | None) -> None:
     if part:
-        _log.info("%d of %d rows, about %s to go; now %s", done, total, _clock(left), part)
+        _log.info("%d of %d rows, %s; now %s", done, total, _to_go(left), part)
 
 
-def _clock(seconds: float) -> str:
-    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
+def _to_go(seconds: float | None) -> str:
+    if seconds is None:
+        return "time to go not known yet"
+    return f"about {int(seconds) // 60}:{int(seconds) % 60:02d} to go"
 
 
 def run_recommend(arguments: argparse.Namespace) -> None:

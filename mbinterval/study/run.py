@@ -50,9 +50,9 @@ _COLUMNS = (
         *ERRORS,
     ),
 )
-_CURVE_WEIGHT = 6.0
+_CURVE_WEIGHT = 30.0
 
-Progress = Callable[[str, int, int, float], None]
+Progress = Callable[[str, int, int, float | None], None]
 
 
 def study(
@@ -85,7 +85,7 @@ def study(
         stopped there goes on; None writes nothing.
     progress
         Told before each part what it is, how many of how many rows are done, and about how many
-        seconds the rest will take; and once at the end.
+        seconds the rest will take, None as long as nothing is measured; and once at the end.
 
     Returns
     -------
@@ -139,9 +139,10 @@ class _Left:
         names = list(self.parts)
         place = names.index(name) if name else len(names)
         rest = sum(self.parts[part] for part in names[place:])
-        each = (time.perf_counter() - self.started) / self.weighed if self.weighed else 1.0
+        spent = time.perf_counter() - self.started
+        left = spent / self.weighed * rest if self.weighed else None
         if self.progress is not None:
-            self.progress(name, _rows(names[:place]), _rows(names), each * rest)
+            self.progress(name, _rows(names[:place]), _rows(names), left if rest else 0.0)
 
 
 def _rows(names: Iterable[str]) -> int:

@@ -225,8 +225,8 @@ def chosen(names: Iterable[str] | None) -> dict[str, Sweep]:
 
 
 def weight(values: Mapping[str, Any]) -> float:
-    """Work of a row, roughly, in exact samples per pixel: for the time that is left."""
+    """Work of a row, roughly: for the time that is left. Rows of many samples end early."""
     samples = float(values.get("samples", 4))
-    if values["method"] == "analytic":
-        return 1.0 + samples
-    return 1.0 + samples * float(values.get("slices", 1)) / 128.0
+    if values["method"] != "analytic":
+        samples *= float(values.get("slices", 1)) / 128.0
+    return 1.0 + min(samples, 16.0)
