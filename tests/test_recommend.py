@@ -141,10 +141,12 @@ def test_another_method_is_taken_where_one_does_not_keep_what_it_promised():
 
 
 def test_the_command_prints_what_can_be_run(capsys):
-    code = cli.main(["recommend", str(CUBES), *SIZE, "--error", "0.01"])
+    code = cli.main(["recommend", str(CUBES), "--frame", "3", *SIZE, "--error", "0.01"])
     out = capsys.readouterr().out
     assert code == 0
-    assert re.search(r"mbinterval render \S+ho17_cubes.toml --width 64 --height 48 --", out)
+    assert re.search(
+        r"mbinterval render \S+ho17_cubes.toml --frames 3 --width 64 --height 48 --", out
+    )
     assert "measured RMSE" in out
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import mbinterval as mb
 from mbinterval.bench_cases import make_case
-from mbinterval.settings import Settings
+from mbinterval.settings import CULLS, PATTERNS, Settings
 from mbinterval.study import run as module
 from mbinterval.study.judge import Truth, errors, exact_places, fixed_places, make_truth
 from mbinterval.study.reference import Reference
@@ -298,6 +298,30 @@ def test_every_row_of_every_sweep_is_in_order_and_has_a_name_of_its_own():
         for values in sweep.rows.values():
             assert sweep.knob in values
             Settings.from_mapping(values)
+
+
+def test_every_knob_of_accuracy_is_swept_over_four_values_or_all_there_are():
+    rows = [Settings.from_mapping(v) for sweep in SWEEPS.values() for v in sweep.rows.values()]
+
+    def found(name):
+        return {getattr(row, name) for row in rows}
+
+    counted = ("samples", "occlusion", "texture_samples", "motion_segments", "motion_error")
+    for name in (*counted, "max_intervals", "slices", "frameless"):
+        assert len(found(name)) >= 4
+    for name, choices in {
+        "method": set(PATTERNS),
+        "paths": {"exact", "triangulated"},
+        "pairing": {"time", "depth"},
+        "partial_bits": {False, True},
+        "pattern": {None, *(name for names in PATTERNS.values() for name in names)},
+        "cull": set(CULLS),
+        "test": {"vertices", "edges"},
+        "shading_rate": {"sample", "pixel"},
+        "hybrid": {False, True},
+        "slice_times": {"uniform", "jittered", "stochastic"},
+    }.items():
+        assert found(name) == choices
 
 
 @pytest.mark.parametrize(

@@ -122,6 +122,8 @@ def run_recommend(arguments: argparse.Namespace) -> None:
         rows.append((choice.name, options(choice.settings), *predicted, seconds, error))
     print("\n".join(aligned(rows)))
     size = f"--width {case.width} --height {case.height}"
+    if arguments.frame is not None:
+        size = f"--frames {arguments.frame:g} {size}"
     print(f"\nmbinterval render {arguments.scene} {size} {options(best.settings)}")
     if not best.reached:
         raise MbintervalError(f"{case.name}: {wanted} is not reached by the best that was found")
