@@ -30,7 +30,7 @@ FRAMES = {
     **{"fast_cubes": 1, "ho17_cubes": 1, "rolling_wheel": 12, "milk_truck": 7, "fly_by": 12},
     **{"running_fox": 12, "crossing_depth": 1, "slab_behind_slit": 1},
 }
-SHOWN = ("fast_cubes", "rolling_wheel", "milk_truck", "crossing_depth")
+SHOWN = ("fast_cubes", "rolling_wheel", "milk_truck", "fly_by")
 SWEEPS = "samples,five-point,samples-published,stochastic-sobol,slices-4"
 KINDS = {
     "exact time": ("exact", "five-point"),
