@@ -132,9 +132,10 @@ def test_the_walk_along_a_sample_ends_when_all_of_it_is_covered(way):
     closed, gaping = [], []
     for first, clock in ((1.0, closed), (0.9, gaping)):
         times[0] = 0.0, first
-        (spans,), _, _ = occlude([times], *WAYS[way], clock=clock)
-        assert spans["weight"].tolist() == [pytest.approx(first, abs=0.01)]
-    assert gaping[0] > 20 * closed[0]
+        for _ in range(5):  # the least is what nothing else on the machine disturbed
+            (spans,), _, _ = occlude([times], *WAYS[way], clock=clock)
+            assert spans["weight"].tolist() == [pytest.approx(first, abs=0.01)]
+    assert min(gaping) > 20 * min(closed)
 
 
 def test_without_a_mask_spans_are_what_no_interval_before_has_covered():
