@@ -10,7 +10,7 @@ import pytest
 import mbinterval
 from mbinterval import cli
 from mbinterval.commands import make_job
-from mbinterval.errors import MbintervalError
+from mbinterval.errors import MbintervalError, Terminated, exit_code
 from mbinterval.scene.load import load_file
 
 ROOT = Path(__file__).parent.parent
@@ -55,7 +55,8 @@ def test_its_scene_file_is_valid(tmp_path):
 def test_its_exit_codes_are_those_of_the_errors_and_of_the_help():
     documented = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
     kinds = [MbintervalError, *MbintervalError.__subclasses__()]
-    assert documented == {0, cli.INTERRUPTED, *(kind.exit_code for kind in kinds)}
+    codes = {exit_code(error()) for error in (*kinds, KeyboardInterrupt, Terminated)}
+    assert documented == {0, *codes}
     for code, meaning in re.findall(r"^\| (\d+) \| (.*?) \|$", README, re.MULTILINE):
         assert f"  {code:<4} {meaning}\n" in cli._EXIT_CODES
 
