@@ -9,6 +9,7 @@ import pytest
 
 import mbinterval
 from mbinterval import cli
+from mbinterval.batch import plan_tasks
 from mbinterval.commands import make_job
 from mbinterval.errors import MbintervalError, Terminated, exit_code
 from mbinterval.scene.load import load_file
@@ -33,6 +34,18 @@ def test_its_commands_are_those_that_ci_runs_and_name_files_that_are_there(monke
     job = make_job(cli._parser().parse_args(render[1:]))
     assert job.scene.meshes
     assert [Path(output).suffix for output in job.outputs] == [".exr", ".png"]
+
+
+def test_its_batch_is_one_that_can_be_run(monkeypatch):
+    (block,) = blocks("console")
+    monkeypatch.chdir(ROOT)
+    prompt, *command = shlex.split(block)
+    assert prompt == "$"
+    assert command[0] == "mbinterval"
+    job = make_job(cli._parser().parse_args(command[1:]))
+    tasks = plan_tasks(job)
+    assert [str(path) for path in tasks[-1].paths] == ["out/fox.0048.exr", "out/fox.0048.png"]
+    assert len(tasks) == 48
 
 
 def test_its_python_example_runs(tmp_path, monkeypatch):

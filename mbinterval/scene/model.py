@@ -326,7 +326,9 @@ class Scene:
         if name.isdecimal() and int(name) < len(names):
             return int(name)
         known = ", ".join(known or str(index) for index, known in enumerate(names))
-        raise UsageError(f"no camera {name!r}; the scene has {known or 'none'}")
+        raise UsageError(
+            f"no camera {name!r}; the scene has {known or 'none: one that frames it is made'}"
+        )
 
 
 def _visibility(value: Any, what: str) -> bool | Track:
