@@ -26,9 +26,7 @@ def prepare_output(path: str | Path) -> Path:
     """
     path = Path(path)
     with _told_of(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir():
-            raise OutputError(f"{path}: is a folder; give the name of a file")
+        _make_folder(path)
         # Permission bits say nothing to root, and not all about a network's file system.
         temporary, descriptor = _claimed(path.parent)
         temporary.unlink()
@@ -44,8 +42,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
     file is removed and an older file at ``path`` stays as it was. System errors become
     `OutputError`. A process that is killed leaves the temporary file to `remove_leftovers`.
     """
-    path = prepare_output(path)
+    path = Path(path)
     with _told_of(path):
+        _make_folder(path)
         temporary, descriptor = _claimed(path.parent)
         try:
             yield temporary
@@ -54,6 +53,12 @@ def replacing(path: str | Path) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
             os.close(descriptor)
+
+
+def _make_folder(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder; give the name of a file")
 
 
 def remove_leftovers(folder: Path) -> list[Path]:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.atomic import prepare_output
 from mbinterval.errors import OutputError, UsageError
 from mbinterval.exr import PIXEL_DIGEST, AttributeValue, ExrImage, read_exr, write_exr
 from mbinterval.frames import check_ending
@@ -92,7 +91,8 @@ class Film:
         OutputError
             Where the file can't be written; nothing is left then, and an older file stays.
         """
-        path = check_output(path)
+        check_ending(path)
+        path = Path(path)
         if path.suffix.lower() == ".png":
             write_png(path, self.rgba, self.transparent, self.metadata)
             return path
@@ -138,20 +138,6 @@ class Film:
             metadata=attributes,
             transparent=transparent,
         )
-
-
-def check_output(path: str | Path) -> Path:
-    """Check that a film could be written to ``path``, and make its folder.
-
-    Raises
-    ------
-    UsageError
-        For an ending other than .exr and .png.
-    OutputError
-        Where the folder can't be made or written to.
-    """
-    check_ending(path)
-    return prepare_output(path)
 
 
 def _set_array(film: Film, name: str, dtype: type, shape: tuple[int, ...]) -> None:

@@ -28,7 +28,7 @@ class JobLog:
     """Writes the lines of one job to ``path``; None writes nothing."""
 
     def __init__(self, path: str | Path | None) -> None:
-        self._path = None if path is None else prepare_output(path)
+        self._path = None if path is None else _checked(prepare_output(path))
         self._counts = {"rendered": 0, "complete": 0}
 
     def __enter__(self) -> JobLog:
@@ -109,6 +109,20 @@ class JobLog:
             raise OutputError(
                 f"{self._path}: cannot be written ({error.strerror or error})"
             ) from error
+
+
+def _checked(path: Path) -> Path:
+    """Refuse to append to a file that is no log."""
+    try:
+        with path.open("rb") as file:
+            first = file.readline(1 << 20).strip()
+    except FileNotFoundError:
+        return path
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if first and not first.startswith(b'{"event"'):
+        raise OutputError(f"{path}: is there, and no log of mbinterval; give another name")
+    return path
 
 
 def _plain(report: Report) -> Mapping[str, Any]:

@@ -325,6 +325,13 @@ def test_a_line_of_the_log_that_was_cut_off_costs_no_other(batch):
     assert [json.loads(line)["event"] for line in lines[2:]] == ["start", "frame", "end"]
 
 
+def test_what_is_no_log_is_not_written_to(batch):
+    code, frames, said = batch("--log", "s.toml", *BOTH)
+    assert (code, frames) == (6, [])
+    assert "s.toml: is there, and no log of mbinterval; give another name" in said
+    assert Path("s.toml").read_text() == SCENE
+
+
 def test_leftovers_of_killed_processes_go_and_those_of_live_ones_stay(batch):
     live = batch.folder / ".mbinterval-live.part"
     for name in ("dead", "live"):
