@@ -270,7 +270,8 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--stats",
         metavar="FILE",
-        help="write seconds by stage and counts of every frame to this JSON file",
+        help="write seconds by stage and counts of every frame to this JSON file; frames that "
+        "are complete are rendered as well",
     )
 
 

@@ -115,7 +115,7 @@ def _checked(path: Path) -> Path:
     """Refuse to append to a file that is no log."""
     try:
         with path.open("rb") as file:
-            first = file.readline(1 << 20).strip()
+            first = file.read(1 << 16).lstrip()
     except FileNotFoundError:
         return path
     except OSError as error:
