@@ -44,8 +44,8 @@ def test_its_batch_is_one_that_can_be_run(monkeypatch):
     assert command[0] == "mbinterval"
     job = make_job(cli._parser().parse_args(command[1:]))
     tasks = plan_tasks(job)
-    assert [str(path) for path in tasks[-1].paths] == ["out/fox.0048.exr", "out/fox.0048.png"]
-    assert len(tasks) == 48
+    assert [str(path) for path in tasks[-1].paths] == ["out/fox.0027.exr", "out/fox.0027.png"]
+    assert len(tasks) == 27
 
 
 def test_its_python_example_runs(tmp_path, monkeypatch):
