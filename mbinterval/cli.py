@@ -19,14 +19,11 @@ from mbinterval import __version__, commands
 from mbinterval import evaluation_options as evaluation
 from mbinterval import option_values as values
 from mbinterval.checks import nearest
-from mbinterval.errors import CapacityError, MbintervalError
+from mbinterval.errors import MbintervalError, Terminated, exit_code
 from mbinterval.frames import parse_frames, parse_outputs
 from mbinterval.settings import Settings
 
 _log = logging.getLogger("mbinterval")
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C or SIGTERM, as shells have it."""
 
 _EXIT_CODES = """\
 exit codes:
@@ -37,7 +34,8 @@ exit codes:
   4    no usable OpenCL device, or a kernel did not build
   5    out of capacity: the render needs more memory than there is
   6    an output file cannot be written
-  130  interrupted by Ctrl-C or SIGTERM; the frame in work leaves no file
+  130  interrupted by Ctrl-C; the frame in work leaves no file
+  143  ended by SIGTERM; the frame in work leaves no file
 
 Messages go to standard error; -q leaves only warnings and errors, -v adds details and, after an
 error, the traceback.
@@ -113,19 +111,18 @@ def _failed(error: BaseException) -> int:
     """Say what went wrong, and return the exit code for it."""
     _log.debug("traceback:", exc_info=error)
     if isinstance(error, KeyboardInterrupt):
-        _log.error("mbinterval: interrupted")
-        return INTERRUPTED
-    if isinstance(error, MbintervalError):
+        how = "terminated" if isinstance(error, Terminated) else "interrupted"
+        _log.error("mbinterval: %s", how)
+    elif isinstance(error, MbintervalError):
         _log.error("mbinterval: error: %s", error)
-        return error.exit_code
-    if isinstance(error, MemoryError):
+    elif isinstance(error, MemoryError):
         _log.error(
             "mbinterval: error: out of memory; try a smaller image, --crop, or fewer samples"
         )
-        return CapacityError.exit_code
-    kind = type(error).__name__
-    _log.error("mbinterval: internal error: %s: %s (-v shows where)", kind, error)
-    return MbintervalError.exit_code
+    else:
+        kind = type(error).__name__
+        _log.error("mbinterval: internal error: %s: %s (-v shows where)", kind, error)
+    return exit_code(error)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -204,7 +201,14 @@ def _add_render_options(command: argparse.ArgumentParser) -> None:
         "--frames",
         type=values.argument(parse_frames),
         metavar="RANGE",
-        help="7, 1-24, 1-24x2 or 1,5,9-12; write --frames=-5--1 for negative ones",
+        help="7, 1-24, 1-24x2 (or 1-24:2) or 1,5,9-12; write --frames=-5--1 for negative ones",
+    )
+    frame.add_argument(
+        *("--camera", "--cameras"),
+        action="append",
+        metavar="NAME",
+        help="a camera of the scene by name or index, from 0 on; may be given several times; "
+        "'all' takes every one [the first]",
     )
     frame.add_argument("--width", type=values.argument(values.pixels), metavar="PIXELS")
     frame.add_argument(
@@ -253,13 +257,38 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         action="append",
         type=values.argument(parse_outputs),
         metavar="FILE",
-        help="where to write, .exr or .png; #### or %%04d is the frame's number. May be given "
-        "several times, or as a list with commas [SCENE.####.exr]",
+        help="where to write, .exr or .png; ####, %%04d or {frame:04} is the frame's number, "
+        "{camera} the camera's name. May be given several times, or as a list with commas "
+        "[SCENE.####.exr]",
+    )
+    batch = command.add_argument_group("batch")
+    batch.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="render every frame, and replace what is there. Without it frames stay whose files "
+        "are whole and are just what would be rendered; other files of mbinterval are replaced, "
+        "and an image of another program is an error",
+    )
+    batch.add_argument(
+        "--log", metavar="FILE", help="append a line of JSON for the job and for every frame"
+    )
+    batch.add_argument(
+        "--threads",
+        type=values.argument(values.threads),
+        metavar="COUNT",
+        help="threads of the CPU device [as many as there are cores]",
+    )
+    batch.add_argument(
+        "--memory",
+        type=values.argument(values.size),
+        metavar="SIZE",
+        help="most memory that a frame may take, such as 800M or 2G [what there is]",
     )
     command.add_argument(
         "--stats",
         metavar="FILE",
-        help="write seconds by stage and counts of every frame to this JSON file",
+        help="write seconds by stage and counts of every frame to this JSON file; frames that "
+        "are complete are rendered as well",
     )
 
 
@@ -333,7 +362,7 @@ def _interrupt_on_sigterm() -> Iterator[None]:
     """Let SIGTERM unwind as Ctrl-C does, so that temporary files are removed."""
 
     def interrupt(_signal: int, _frame: FrameType | None) -> NoReturn:
-        raise KeyboardInterrupt
+        raise Terminated
 
     try:
         before = signal.signal(signal.SIGTERM, interrupt)

@@ -4,109 +4,116 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
 import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mbinterval
 from mbinterval.atomic import prepare_output
 from mbinterval.errors import MbintervalError, SceneError, UsageError
 from mbinterval.frames import (
-    frame_path,
-    is_numbered,
+    CAMERA_PLACE,
+    FRAME_PLACE,
     parse_frames,
     parse_outputs,
     resolution,
 )
 from mbinterval.settings import SETTINGS, Settings, check_setting, conflicts
 
+if TYPE_CHECKING:
+    from mbinterval.batch import Job, Task
+    from mbinterval.joblog import JobLog
+    from mbinterval.scene.model import Scene
+
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Job:
-    """What is to be rendered, after the command line has overruled the scene file.
-
-    ``crop`` is column, row, width and height in pixels, or None for the whole frame.
-    """
-
-    scene: Any
-    frames: tuple[int, ...]
-    resolution: tuple[int, int]
-    crop: tuple[int, int, int, int] | None
-    settings: Settings
-    outputs: tuple[str, ...]
-    device: str | None
-
-
 def render(arguments: argparse.Namespace) -> None:
-    """``mbinterval render``: every frame to every output; each note about the scene once."""
-    from mbinterval.atomic import prepare_output
-    from mbinterval.film import check_output
-    from mbinterval.stats_file import stats_row, write_stats
+    """``mbinterval render``: the frames that are not complete; each note about the scene once."""
+    from mbinterval.batch import plan_tasks, prepare, survey
+    from mbinterval.device.choose import THREADS
+    from mbinterval.joblog import JobLog
 
+    if arguments.threads is not None:
+        os.environ[THREADS] = str(arguments.threads)
     job = make_job(arguments)
+    tasks = plan_tasks(job)
+    prepare(tasks)
     if arguments.stats:
         prepare_output(arguments.stats)
-    paths = output_paths(job.outputs, job.frames)
-    for path in (path for group in paths.values() for path in group):
-        check_output(path)
-    width, height = job.resolution
+    with JobLog(arguments.log) as log:
+        log.start(job, len(tasks), arguments.threads)
+        reasons = dict.fromkeys(tasks, "--overwrite") if arguments.overwrite else survey(tasks)
+        if arguments.stats:
+            reasons = {task: reason or "--stats counts it" for task, reason in reasons.items()}
+        waiting = [task for task in tasks if reasons[task]]
+        for task in tasks:
+            if not reasons[task]:
+                log.frame(task, "complete")
+        if len(waiting) < len(tasks):
+            _log.info("%s", _complete(len(tasks) - len(waiting), len(tasks)))
+        _render_tasks(job, waiting, reasons, log, arguments.stats)
+
+
+def _complete(complete: int, count: int) -> str:
+    if count == 1:
+        return "the frame is complete and stays; --overwrite renders it again"
+    which = "all" if complete == count else f"{complete} of"
+    return f"{which} {count} frames are complete and stay; --overwrite renders them again"
+
+
+def _render_tasks(
+    job: Job, tasks: Sequence[Task], reasons: Mapping[Task, str], log: JobLog, stats: str | None
+) -> None:
+    from mbinterval.batch import render_task, uninterrupted, write_task
+    from mbinterval.stats_file import stats_row, write_stats
+
     said: set[str] = set()
     rows: list[dict[str, Any]] = []
-    with _progress(job.frames) as progress:
-        for number, frame in enumerate(job.frames, start=1):
-            started = time.perf_counter()
-            with _told_of(arguments.scene, frame):
-                film = mbinterval.render(
-                    job.scene,
-                    frame=frame,
-                    width=width,
-                    height=height,
-                    settings=job.settings,
-                    device=job.device,
-                    crop=job.crop,
-                    progress=progress(number, frame),
-                )
+    with _progress(len(tasks)) as progress:
+        for number, task in enumerate(tasks, start=1):
+            _log.debug("%s: %s", task.label, reasons[task])
+            started, report = time.perf_counter(), None
+            try:
+                film = render_task(job, task, progress(number, task.label))
+                with uninterrupted():
+                    report = write_task(task, film, time.perf_counter() - started)
+                    log.frame(task, "rendered", reason=reasons[task], report=report)
+            except BaseException as error:
+                if report is None:
+                    log.frame(task, "failed", reason=reasons[task], error=error)
+                raise
             for note in film.notes:
                 if note not in said:
                     _log.warning("mbinterval: note: %s", note)
             said.update(film.notes)
-            if arguments.stats:
-                rows.append(stats_row(frame, film, job.settings))
-                write_stats(arguments.stats, rows)
-            written = ", ".join(str(film.write(path)) for path in paths[frame])
-            seconds = time.perf_counter() - started
-            place = f"{number}/{len(job.frames)}"
-            _log.info("frame %d (%s): %.2f s -> %s", frame, place, seconds, written)
-            _log.debug("%s", _timing_lines(film.timings))
+            if stats:
+                rows.append(stats_row(task.frame, film, job.settings))
+                write_stats(stats, rows)
+            place, written = f"{number}/{len(tasks)}", ", ".join(map(str, task.paths))
+            _log.info("%s (%s): %.2f s -> %s", task.label, place, report.seconds, written)
+            _log.debug("%s", _timing_lines(report.timings))
 
 
 def info(arguments: argparse.Namespace) -> None:
     """``mbinterval info``: the plan of the first frame, with the reason for each effect."""
+    from mbinterval.batch import told_of
     from mbinterval.describe import describe
 
     job = make_job(arguments)
     frame, size, count = job.frames[0], job.resolution, len(job.frames)
-    with _told_of(arguments.scene, frame):
-        text = describe(job.scene, frame, *size, job.settings, job.crop, job.device)
+    scene = job.scene.through(job.cameras[0]) if job.cameras else job.scene
+    with told_of(arguments.scene, frame):
+        text = describe(scene, frame, *size, job.settings, job.crop, job.device)
     if count > 1:
         print(f"of {count} frames, from {frame} to {job.frames[-1]}, the first is described")
     print(text)
-
-
-@contextmanager
-def _told_of(scene: str, frame: int) -> Iterator[None]:
-    """Name file and frame where a scene turns out to be wrong only in a frame of it."""
-    try:
-        yield
-    except SceneError as error:
-        raise SceneError(f"{scene}: frame {frame}: {error}") from error
 
 
 def bench(arguments: argparse.Namespace) -> None:
@@ -217,6 +224,8 @@ def devices(_arguments: argparse.Namespace) -> None:
 
 def make_job(arguments: argparse.Namespace) -> Job:
     """Join command line and scene file; the command line wins."""
+    from mbinterval.batch import Job, plan_tasks
+    from mbinterval.provenance import file_digests
     from mbinterval.scene.load import load_file
 
     given = vars(arguments)
@@ -227,51 +236,44 @@ def make_job(arguments: argparse.Namespace) -> Job:
         overruled["statistics"] = True
     loaded = load_file(arguments.scene, overruled=overruled, clip=arguments.clip, fps=arguments.fps)
     stored = loaded.render
+    scene = _scene(loaded.scene, arguments.shutter)
+    cameras = _cameras(scene, arguments.camera)
     job = Job(
-        scene=_scene(loaded.scene, arguments.shutter),
+        scene=scene,
+        source=arguments.scene,
         frames=tuple(arguments.frames or parse_frames(stored.frames or "1")),
         resolution=resolution(arguments.width, arguments.height, stored.width, stored.height),
-        crop=arguments.crop,
         settings=_settings(arguments.scene, loaded.settings, overruled),
-        outputs=_outputs(given.get("output"), stored.output, arguments.scene),
+        outputs=_outputs(given.get("output"), stored.output, arguments.scene, len(cameras)),
+        crop=arguments.crop,
         device=arguments.device,
+        memory=given.get("memory"),
+        cameras=cameras,
+        files=file_digests(loaded.files),
+        animation=(arguments.clip, arguments.fps),
     )
-    if not arguments.frames and not given.get("output") and stored.frames and stored.output:
+    if not (arguments.frames or given.get("output") or cameras) and stored.frames and stored.output:
         try:
-            output_paths(job.outputs, job.frames)
+            plan_tasks(job)
         except UsageError as error:
             raise SceneError(f"{arguments.scene}: render: {error}") from error
     return job
 
 
-def _scene(scene: Any, shutter: tuple[float, float] | None) -> Any:
-    """``scene`` with the shutter of the command line, if any: open and close."""
+def _cameras(scene: Scene, names: Sequence[str] | None) -> tuple[int, ...]:
+    """Places of the cameras that were asked for, each once; none for the scene's own."""
+    if "all" in (names or ()):
+        return tuple(range(len(scene.cameras)))
+    return tuple(dict.fromkeys(scene.camera_index(name) for name in names or ()))
+
+
+def _scene(scene: Scene, shutter: tuple[float, float] | None) -> Scene:
+    """``scene`` with the shutter of the command line, if any: open and close, for all cameras."""
     if shutter is None:
         return scene
     opened = replace(scene.shutter, open=shutter[0], close=shutter[1])
-    return replace(scene, shutter=opened)
-
-
-def output_paths(outputs: Sequence[str], frames: Sequence[int]) -> dict[int, list[Path]]:
-    """Files of each frame.
-
-    Raises
-    ------
-    UsageError
-        Where two frames or two outputs would go to the same file.
-    """
-    paths = {frame: [frame_path(output, frame) for output in outputs] for frame in frames}
-    for output in outputs:
-        if len(frames) > 1 and not is_numbered(output):
-            ending = Path(output).suffix
-            raise UsageError(
-                f"output {output!r}: {len(frames)} frames would overwrite each other; "
-                f"put #### where the frame's number belongs, as in name.####{ending}"
-            )
-    doubled = [path for group in paths.values() for path in group if group.count(path) > 1]
-    if doubled:
-        raise UsageError(f"output {str(doubled[0])!r} is given twice")
-    return paths
+    cameras = [replace(view, shutter=None) for view in scene.cameras]
+    return replace(scene, shutter=opened, cameras=cameras)
 
 
 def _settings(scene: str, stored: Mapping[str, Any], overruled: Mapping[str, Any]) -> Settings:
@@ -285,29 +287,33 @@ def _settings(scene: str, stored: Mapping[str, Any], overruled: Mapping[str, Any
     return Settings.from_mapping(joined)
 
 
-def _outputs(given: Sequence[list[str]] | None, stored: str | None, scene: str) -> tuple[str, ...]:
+def _outputs(
+    given: Sequence[list[str]] | None, stored: str | None, scene: str, cameras: int
+) -> tuple[str, ...]:
     if given:
         return tuple(output for outputs in given for output in outputs)
-    return tuple(parse_outputs(stored)) if stored else (f"{Path(scene).stem}.####.exr",)
+    if stored:
+        return tuple(parse_outputs(stored))
+    camera = f".{CAMERA_PLACE}" if cameras > 1 else ""
+    return (f"{Path(scene).stem}{camera}.{FRAME_PLACE}.exr",)
 
 
 Progress = Callable[[float], None]
 
 
 @contextmanager
-def _progress(frames: Sequence[int]) -> Iterator[Callable[[int, int], Progress | None]]:
+def _progress(total: int) -> Iterator[Callable[[int, str], Progress | None]]:
     """Show a bar on a terminal; log lines go above it. Elsewhere the lines say it all.
 
-    What it gives takes a frame's place in the row and its number, and returns what is to be
-    told the fraction of it that is done.
+    What it gives takes a frame's place in the row and what it is called, and returns what is to
+    be told the fraction of it that is done.
     """
     if not sys.stderr.isatty() or not _log.isEnabledFor(logging.INFO):
-        yield lambda _place, _frame: None
+        yield lambda _place, _label: None
         return
     from tqdm import tqdm
     from tqdm.contrib.logging import logging_redirect_tqdm
 
-    total = len(frames)
     bar = tqdm(
         total=total,
         file=sys.stderr,
@@ -317,13 +323,13 @@ def _progress(frames: Sequence[int]) -> Iterator[Callable[[int, int], Progress |
         leave=False,
     )
 
-    def progress(place: int, frame: int) -> Progress:
+    def progress(place: int, label: str) -> Progress:
         def tell(part: float) -> None:
             # Tiles that are done again with more room take nothing back.
             bar.update(max(place - 1 + part - bar.n, 0.0))
 
-        bar.set_description_str(f"frame {frame} ({place}/{total}) ", refresh=False)
-        tell(0.0)
+        bar.set_description_str(f"{label} ({place}/{total}) ", refresh=False)
+        bar.n = max(bar.n, place - 1)
         bar.refresh()
         return tell
 

@@ -43,3 +43,18 @@ class OutputError(MbintervalError):
     """An image cannot be written, or one that was written cannot be read back."""
 
     exit_code = 6
+
+
+class Terminated(KeyboardInterrupt):
+    """The process was asked to end, by SIGTERM; everything unwinds as after Ctrl-C."""
+
+
+def exit_code(error: BaseException) -> int:
+    """Exit code for what ended a command; for signals 128 and the signal, as shells have it."""
+    if isinstance(error, Terminated):
+        return 143
+    if isinstance(error, KeyboardInterrupt):
+        return 130
+    if isinstance(error, MemoryError):
+        return CapacityError.exit_code
+    return error.exit_code if isinstance(error, MbintervalError) else MbintervalError.exit_code

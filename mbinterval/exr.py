@@ -7,6 +7,7 @@ given, and opens a truncated file as one without parts.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 from collections.abc import Mapping
@@ -34,6 +35,9 @@ _FORMAT_ATTRIBUTES = (
     "screenWindowWidth",
     "type",
 )
+PIXEL_DIGEST = "pixelDigest"
+"""Name of the attribute that holds the digest of a file's own pixels."""
+
 _NAME_BYTES = 255
 _MAGIC = b"\x76\x2f\x31\x01"
 
@@ -61,7 +65,7 @@ class ExrImage:
 
 
 def write_exr(path: str | Path, image: ExrImage) -> None:
-    """Write ``image``, losslessly (ZIP); equal images give equal bytes.
+    """Write ``image``, losslessly (ZIP), and the digest of its pixels; equal images, equal bytes.
 
     Raises
     ------
@@ -81,6 +85,7 @@ def write_exr(path: str | Path, image: ExrImage) -> None:
         "displayWindow": (np.zeros(2, dtype=np.int32), size - 1),
     }
     channels = {name: np.ascontiguousarray(pixels) for name, pixels in image.channels.items()}
+    header[PIXEL_DIGEST] = pixel_digest(channels)
     with replacing(path) as temporary:
         try:
             OpenEXR.File(header, channels).write(os.fspath(temporary))
@@ -133,6 +138,16 @@ def read_exr(path: str | Path) -> ExrImage:
             if name not in _FORMAT_ATTRIBUTES
         },
     )
+
+
+def pixel_digest(channels: Mapping[str, NDArray[Any]]) -> str:
+    """SHA-256 of named pixels: of names, types, shapes and values."""
+    digest = hashlib.sha256()
+    for name in sorted(channels):
+        pixels = np.ascontiguousarray(channels[name])
+        digest.update(f"{name} {pixels.dtype.str} {pixels.shape}\n".encode())
+        digest.update(pixels.data)
+    return digest.hexdigest()
 
 
 def _encoded(name: str, value: AttributeValue) -> Any:

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.atomic import prepare_output
 from mbinterval.errors import OutputError, UsageError
-from mbinterval.exr import AttributeValue, ExrImage, read_exr, write_exr
+from mbinterval.exr import PIXEL_DIGEST, AttributeValue, ExrImage, read_exr, write_exr
 from mbinterval.frames import check_ending
 from mbinterval.images import write_png
 
@@ -52,6 +51,8 @@ class Film:
         The background was left out of the colour, so that a PNG gets an alpha channel.
     notes
         What had to be assumed about the scene, for people. Not written to files.
+    device
+        Name of the device that rendered it. Not written to files.
     """
 
     rgba: NDArray[np.float32]
@@ -64,6 +65,7 @@ class Film:
     stats: Mapping[str, int] = field(default_factory=dict)
     transparent: bool = False
     notes: tuple[str, ...] = ()
+    device: str = ""
 
     def __post_init__(self) -> None:
         shape = np.shape(self.rgba)[:2]
@@ -78,9 +80,9 @@ class Film:
 
         An EXR has the channels R, G, B, A and Z in 32-bit float and ``intervals`` in 32-bit
         integers, compressed without loss, the film as data window and the whole frame as display
-        window, and the metadata as attributes. A PNG has 8 bits with the sRGB curve, and alpha,
-        straight, where the film is transparent; the metadata are text chunks. Equal films give
-        equal bytes. Missing folders are made.
+        window, and the metadata and a digest of the pixels as attributes. A PNG has 8 bits with
+        the sRGB curve, and alpha, straight, where the film is transparent; metadata and digest are
+        text chunks. Equal films give equal bytes. Missing folders are made.
 
         Raises
         ------
@@ -89,7 +91,8 @@ class Film:
         OutputError
             Where the file can't be written; nothing is left then, and an older file stays.
         """
-        path = check_output(path)
+        check_ending(path)
+        path = Path(path)
         if path.suffix.lower() == ".png":
             write_png(path, self.rgba, self.transparent, self.metadata)
             return path
@@ -124,6 +127,7 @@ class Film:
             channels["intervals"] = defaults["intervals"]
         attributes = dict(image.attributes)
         transparent = attributes.pop("transparent", 0) == 1
+        attributes.pop(PIXEL_DIGEST, None)
         return cls(
             rgba=np.stack([channels[name] for name in _COLOUR], axis=2),
             depth=channels["Z"],
@@ -134,20 +138,6 @@ class Film:
             metadata=attributes,
             transparent=transparent,
         )
-
-
-def check_output(path: str | Path) -> Path:
-    """Check that a film could be written to ``path``, and make its folder.
-
-    Raises
-    ------
-    UsageError
-        For an ending other than .exr and .png.
-    OutputError
-        Where the folder can't be made or written to.
-    """
-    check_ending(path)
-    return prepare_output(path)
 
 
 def _set_array(film: Film, name: str, dtype: type, shape: tuple[int, ...]) -> None:

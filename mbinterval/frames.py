@@ -17,13 +17,21 @@ RESOLUTION = (1024, 768)
 MOST_FRAMES = 1_000_000
 """More frames than this in one range are taken for a mistake."""
 
-_RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?:x(\d+))?)?")
+FRAME_PLACE = "####"
+CAMERA_PLACE = "{camera}"
+
+_RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?:[x:](\d+))?)?")
 _HASHES = re.compile(r"#+")
 _PERCENT = re.compile(r"%(0?)(\d*)d")
+_BRACES = re.compile(r"\{([^{}]*)\}")
+_FRAME = re.compile(r"frame(?::(0?)(\d+)d?)?")
+_UNFIT = re.compile(r"[^\w.\- ]+")
 
 
 def parse_frames(text: str) -> list[int]:
     """Frames of a range such as ``7``, ``1-24``, ``1-24x2`` or ``1,5,9-12``; the last one counts.
+
+    A step is written ``1-24x2`` or ``1-24:2``.
 
     Frames come in the order given, each once. Negative frames are allowed: ``-5--1``.
 
@@ -65,6 +73,12 @@ def parse_outputs(text: str) -> list[str]:
     for output in outputs:
         if not output:
             raise UsageError(f"output {text!r}: a file's name is empty; expected name.####.exr")
+        for name in _BRACES.findall(output):
+            if name != "camera" and not _FRAME.fullmatch(name):
+                raise UsageError(
+                    f"output {output!r}: {{{name}}} is unknown; known are {{frame}}, {{frame:04}} "
+                    "and {camera}"
+                )
         check_ending(output)
     return outputs
 
@@ -80,24 +94,32 @@ def check_ending(path: str | Path) -> None:
 
 
 def is_numbered(pattern: str) -> bool:
-    """Whether ``pattern`` has a place for the frame: ``####`` or ``%04d``."""
-    return bool(_HASHES.search(pattern) or _PERCENT.search(pattern))
+    """Whether ``pattern`` has a place for the frame: ``####``, ``%04d`` or ``{frame:04}``."""
+    braces = any(_FRAME.fullmatch(name) for name in _BRACES.findall(pattern))
+    return bool(braces or _HASHES.search(pattern) or _PERCENT.search(pattern))
 
 
-def frame_path(pattern: str, frame: int) -> Path:
-    """File of ``frame``: the last run of ``#``, or a ``%04d``, becomes the padded number.
+def frame_path(pattern: str, frame: int, camera: str = "") -> Path:
+    """File of ``frame``, seen by ``camera``.
 
-    ``frame_path("shot.####.exr", 7)`` is ``shot.0007.exr``; longer numbers are never cut.
+    Every ``{frame:04}`` becomes the padded number, and so does the last run of ``#``, or else a
+    ``%04d``; every ``{camera}`` becomes the camera's name, with ``_`` for what does not go into the
+    name of a file. ``frame_path("shot.####.exr", 7)`` is ``shot.0007.exr``; longer numbers are
+    never cut.
     """
+
+    def named(match: re.Match[str]) -> str:
+        number = _FRAME.fullmatch(match[1])
+        if number is None:
+            return _file_name(camera)
+        return _padded(frame, number[1], number[2])
+
     hashes, percents = list(_HASHES.finditer(pattern)), list(_PERCENT.finditer(pattern))
-    if hashes:
-        place, width = hashes[-1], len(hashes[-1][0])
-    elif percents:
-        place = percents[-1]
-        width = int(place[2] or 0) if place[1] else 0
-    else:
-        return Path(pattern)
-    return Path(f"{pattern[: place.start()]}{_padded(frame, width)}{pattern[place.end() :]}")
+    if hashes or percents:
+        place = hashes[-1] if hashes else percents[-1]
+        padding = f"0{len(place[0])}" if hashes else f"{place[1]}{place[2] or 1}"
+        pattern = f"{pattern[: place.start()]}{{frame:{padding}}}{pattern[place.end() :]}"
+    return Path(_BRACES.sub(named, pattern))
 
 
 def resolution(
@@ -113,5 +135,11 @@ def resolution(
     return width, height
 
 
-def _padded(frame: int, width: int) -> str:
-    return f"{'-' if frame < 0 else ''}{abs(frame):0{width}d}" if width else str(frame)
+def _file_name(text: str) -> str:
+    """``text`` as a part of a file's name: no folder, and no step up."""
+    name = _UNFIT.sub("_", text)
+    return name if name.strip(". ") else "_"
+
+
+def _padded(frame: int, zero: str | None, width: str | None) -> str:
+    return f"{'-' if frame < 0 else ''}{abs(frame):0{width}d}" if zero else str(frame)

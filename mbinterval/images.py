@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mbinterval.atomic import replacing
 from mbinterval.checks import shown
 from mbinterval.errors import OutputError, SceneError
-from mbinterval.exr import read_exr
+from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_exr
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -133,7 +133,7 @@ def write_png(
     transparent
         Write straight alpha; otherwise the alpha is left out.
     text
-        Written as text chunks, in this order.
+        Written as text chunks, in this order, and the digest of the pixels after them.
 
     Raises
     ------
@@ -153,5 +153,27 @@ def write_png(
     info.add(b"sRGB", b"\0")
     for name, value in text.items():
         info.add_itxt(name[:79], str(value))
+    info.add_itxt(PIXEL_DIGEST, pixel_digest({"": pixels}))
     with replacing(path) as temporary:
         Image.fromarray(pixels).save(temporary, format="PNG", pnginfo=info)
+
+
+def read_png(path: Path) -> tuple[NDArray[np.uint8], dict[str, str]]:
+    """Read the pixels of a PNG as they are stored, and its text chunks, checking all of it.
+
+    Raises
+    ------
+    OutputError
+        Where the file is missing, no PNG, cut off, or a checksum is wrong.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(path, formats=["PNG"]) as image:
+            image.verify()  # the checksums of all chunks
+        with Image.open(path, formats=["PNG"]) as image:
+            image.load()
+            text = {str(key): str(value) for key, value in image.info.items()}
+            return np.asarray(image), text
+    except (OSError, ValueError, SyntaxError, Warning, Image.DecompressionBombError) as error:
+        raise OutputError(f"{path}: not a whole PNG ({error})") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import Any
 
 from mbinterval.checks import nearest, number
@@ -95,6 +96,21 @@ def variant(text: str) -> tuple[str, dict[str, Any]]:
         chosen = switches.get(stated.strip().lower(), value(stated.strip()))
         found[name] = check_setting(name, chosen)
     return text, found
+
+
+def threads(text: str) -> int:
+    """Threads of the CPU device."""
+    if not text.isdecimal() or not 1 <= int(text) <= 4096:
+        raise UsageError(f"{text!r} is not a whole number from 1 to 4096")
+    return int(text)
+
+
+def size(text: str) -> int:
+    """Bytes; 2G is 2 * 1024**3."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?) ?([KMGT]?)(?:i?B)?", text.strip(), re.IGNORECASE)
+    if match is None or not float(match[1]):
+        raise UsageError(f"{text!r} is not a size such as 800M or 2G")
+    return int(float(match[1]) * 1024 ** " KMGT".index(match[2].upper() or " "))
 
 
 def tolerance(text: str) -> float:

@@ -46,6 +46,8 @@ class Plan:
         Edge of a tile in pixels; samples per pixel that a tile works on at a time.
     capacity
         Records in each of a work-item's pools at first; a pool that runs full is not an error.
+    memory
+        Bytes that buffers and film may take together; None is what the device has.
     """
 
     width: int
@@ -59,6 +61,7 @@ class Plan:
     tile: int
     layers: int
     capacity: int
+    memory: int | None = None
 
     @property
     def exact(self) -> bool:

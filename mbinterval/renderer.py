@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from mbinterval.checks import number, shown, whole_number
@@ -23,6 +24,7 @@ def render(
     device: Any = None,
     crop: tuple[int, int, int, int] | None = None,
     progress: Callable[[float], None] | None = None,
+    memory: int | None = None,
 ) -> Film:
     """Render one frame.
 
@@ -43,6 +45,9 @@ def render(
         the whole frame.
     progress
         Called some times a second, with the fraction of the frame that is done.
+    memory
+        Most bytes that the frame may take: the process's memory, or with a GPU that of the
+        device. None is what the device has. It changes speed, never the image.
 
     Raises
     ------
@@ -50,6 +55,7 @@ def render(
     """
     from mbinterval.analytic import render_analytic
     from mbinterval.device.runtime import runtime
+    from mbinterval.memory import check_memory, check_paths, memory_left
     from mbinterval.metadata import frame_metadata
     from mbinterval.motion import lay_out
     from mbinterval.plan import check_crop, make_plan, roll_lines
@@ -62,6 +68,9 @@ def render(
     width = whole_number(width, "width", 1, 65536)
     height = whole_number(height, "height", 1, 65536)
     region = check_crop(crop, width, height)
+    memory = None if memory is None else whole_number(memory, "memory", 1)
+    on = runtime(device)
+    room = memory_left(memory, on)
     started = time.perf_counter()
     lines = roll_lines(scene, width, height)
     exposure = expose(
@@ -73,11 +82,13 @@ def render(
         settings.motion_error,
         height,
     )
+    check_paths(exposure, settings.method, room)
     motion = lay_out(exposure, width, height)
-    plan = make_plan(exposure, motion, settings, width, height, region)
+    plan = replace(make_plan(exposure, motion, settings, width, height, region), memory=room)
+    check_memory(motion, plan, memory)
     exposed = time.perf_counter() - started
     run = render_analytic if settings.method == "analytic" else render_stochastic
-    pixels = run(runtime(device), exposure, motion, plan, progress)
+    pixels = run(on, exposure, motion, plan, progress)
     return Film(
         rgba=pixels.rgba,
         depth=pixels.depth,
@@ -89,6 +100,7 @@ def render(
         metadata=frame_metadata(scene, exposure, settings),
         transparent=settings.transparent,
         notes=exposure.notes,
+        device=on.device.name.strip(),
     )
 
 

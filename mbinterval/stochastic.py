@@ -29,6 +29,7 @@ from mbinterval.work import (
     frame_record,
     in_parts,
     list_paths,
+    memory_room,
     packed,
     tile_grid,
     transform_vertices,
@@ -112,6 +113,8 @@ def _render_tiles(
 ) -> dict[str, int]:
     """Run the fused stages on all tiles, those that list most first; returns counts."""
     workers = min(work.runtime.workers, len(listed))
+    if work.plan.memory is not None:
+        workers = max(1, min(workers, memory_room(work) // scratch_bytes(work.plan)))
     _allocate(work, workers)
     work.timings |= dict.fromkeys(TILE_STAGES, 0.0)
     stats = dict.fromkeys(_COUNTS, 0)

@@ -13,7 +13,15 @@ from mbinterval.device import records
 from mbinterval.device.runtime import seconds
 from mbinterval.errors import CapacityError
 from mbinterval.plan import Plan
-from mbinterval.work import Work, add_counts, frame_record, in_parts, packed, tile_grid
+from mbinterval.work import (
+    Work,
+    add_counts,
+    frame_record,
+    in_parts,
+    memory_room,
+    packed,
+    tile_grid,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -42,8 +50,11 @@ _TRIANGULATED_POOLS = {
     "sorting": records.SORTING,
     "sorted": records.INTERVAL,
 }
-_SAMPLE_WORDS, _PIXEL_VECTORS, _LANES = 18, 2, 16
+_SAMPLE_WORDS, _PIXEL_VECTORS = 18, 2
+LANES = 16
+"""Records that every pool has beyond its capacity, for whole vectors to be written."""
 _GROWTH = 4
+_LEAST_CAPACITY = 4096
 
 
 def render_tiles(
@@ -59,7 +70,8 @@ def render_tiles(
     loads = (listed + 1) * work.plan.settings.samples
     workers = min(work.runtime.workers, len(queue))
     _allocate(work, workers)
-    capacity, stats = work.plan.capacity, dict.fromkeys(_COUNTS, 0)
+    capacity, workers = _first_pools(work, workers)
+    stats = dict.fromkeys(_COUNTS, 0)
     work.timings |= {stage: 0.0 for stage in TILE_STAGES if stage in work.plan.stages}
     while len(queue):
         _allocate_pools(work, capacity, workers)
@@ -95,17 +107,17 @@ def _allocate(work: Work, workers: int) -> None:
         work.buffers[name] = work.runtime.allocate(size, name)
 
 
-def _pools(plan: Plan) -> dict[str, np.dtype[np.void]]:
+def pools(plan: Plan) -> dict[str, np.dtype[np.void]]:
     """Pools of a work-item: record of each."""
-    pools = _EXACT_POOLS if plan.exact else _TRIANGULATED_POOLS
-    return {**pools, "spans": records.SPAN}
+    kinds = _EXACT_POOLS if plan.exact else _TRIANGULATED_POOLS
+    return {**kinds, "spans": records.SPAN}
 
 
 def _allocate_pools(work: Work, capacity: int, workers: int) -> None:
-    for name in _pools(work.plan):
+    for name in pools(work.plan):
         work.buffers.pop(name, None)  # the smaller ones go before larger ones come
-    for name, record in _pools(work.plan).items():
-        size = record.itemsize * (capacity + _LANES) * workers
+    for name, record in pools(work.plan).items():
+        size = record.itemsize * (capacity + LANES) * workers
         work.buffers[name] = work.runtime.allocate(size, f"pool of {name}")
 
 
@@ -123,7 +135,7 @@ def _run_part(
     counts = len(queue), capacity, buffers["light_count"], buffers["static_paths"]
     grid = packed("iiiiIIIIIfff", left, top, columns, rows, *counts, plan.settings.seed, *rolling)
     frame = frame_record(plan.region, background)
-    names = (*_ARGUMENTS, *(("depths",) if plan.exact else ()), *_pools(plan))
+    names = (*_ARGUMENTS, *(("depths",) if plan.exact else ()), *pools(plan))
     kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)
     arguments = [buffers[name] for name in names]
     took = seconds(runtime.run(kernel, min(workers, len(queue)), *arguments, grid, frame))
@@ -131,15 +143,39 @@ def _run_part(
     return took
 
 
+def _first_pools(work: Work, workers: int) -> tuple[int, int]:
+    """Capacity of the first pools, and work-items; less where memory is short."""
+    capacity, room = work.plan.capacity, memory_room(work)
+    while capacity > _LEAST_CAPACITY and _pool_bytes(work.plan, capacity) * workers > room:
+        capacity //= 2
+    return capacity, _workers_that_fit(work, capacity, workers)
+
+
+def _pool_bytes(plan: Plan, capacity: int) -> int:
+    """Bytes of the pools of a work-item."""
+    return sum(record.itemsize for record in pools(plan).values()) * (capacity + LANES)
+
+
+def least_pools(plan: Plan) -> int:
+    """Bytes of the smallest pools that a render begins with, for one work-item."""
+    return _pool_bytes(plan, min(plan.capacity, _LEAST_CAPACITY))
+
+
 def _workers_that_fit(work: Work, capacity: int, workers: int) -> int:
-    """Fewer work-items where the pools of all would not fit into the device's memory."""
-    sizes = [record.itemsize * (capacity + _LANES) for record in _pools(work.plan).values()]
-    device = work.runtime.device
-    fit = min(device.max_mem_alloc_size // max(sizes), device.global_mem_size // 2 // sum(sizes))
-    if fit < 1:
+    """Fewer work-items where the pools of all would not fit into the memory that there is."""
+    most = max(record.itemsize for record in pools(work.plan).values()) * (capacity + LANES)
+    device, room = work.runtime.device, memory_room(work, besides=pools(work.plan))
+    fit = min(device.max_mem_alloc_size // most, room // _pool_bytes(work.plan, capacity))
+    if fit >= 1:
+        return min(workers, int(fit))
+    if work.plan.memory is not None:
         raise CapacityError(
-            f"one row of a tile holds more than {capacity // _GROWTH} intervals, and device "
-            f"{device.name.strip()!r} has no memory for more: use a smaller tile_size, fewer "
-            "samples or fewer motion segments"
+            f"the pools of a tile take {_pool_bytes(work.plan, capacity) / 2**20:.1f} MiB, and "
+            f"{max(room, 0) / 2**20:.1f} MiB of the memory that is allowed are left: allow more, "
+            "or use a smaller tile_size, fewer samples, or crops"
         )
-    return min(workers, int(fit))
+    raise CapacityError(
+        f"one row of a tile holds more than {capacity // _GROWTH} intervals, and device "
+        f"{device.name.strip()!r} has no memory for more: use a smaller tile_size, fewer "
+        "samples or fewer motion segments"
+    )

@@ -6,7 +6,7 @@ queue a part at a time, and pixels come back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +21,9 @@ from mbinterval.motion import Motion
 from mbinterval.plan import Crop, Plan, shutter_keys
 from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
+
+FILM_BYTES = 24
+"""Bytes of a pixel of the film: colour, depth, intervals."""
 
 _BIN_CHUNKS = 64
 _SECONDS_AT_A_TIME = 0.5
@@ -142,12 +145,39 @@ def list_paths(
     if starts[-1] == records.NONE:
         larger = ", or with a larger tile_size" if plan.settings.method == "analytic" else ""
         raise CapacityError(f"the {tiles} tiles list 2**32 paths or more; render in crops{larger}")
+    _check_members(work, 4 * int(starts[-1]))
     buffers["members"] = runtime.allocate(4 * int(starts[-1]), "paths by tile")
     if chunks:
         kernel = runtime.kernel(file, "bin_file", tuple(options))
         events.append(runtime.run(kernel, chunks, *given, grid, counts, buffers["members"]))
     work.timings["bin"] = sum(seconds(event) for event in events)
     return np.asarray(np.diff(starts.astype(np.int64)))
+
+
+def memory_room(work: Work, besides: Container[str] = ()) -> int:
+    """Bytes that are left beside all buffers, but for those named, and the film on the host.
+
+    Without a limit to memory half of what the device has is taken for free.
+    """
+    room = work.runtime.device.global_mem_size // 2
+    if work.plan.memory is None:
+        return int(room)
+    kept = [item for name, item in work.buffers.items() if name not in besides]
+    used = sum(getattr(item, "size", 0) for item in kept)
+    film = FILM_BYTES * work.plan.region[2] * work.plan.region[3]
+    return int(min(room, work.plan.memory - used - film))
+
+
+def _check_members(work: Work, size: int) -> None:
+    """Refuse lists of paths by tile, of ``size`` bytes, that the plan's memory has no room for."""
+    if work.plan.memory is None or size <= memory_room(work):
+        return
+    larger = "a larger tile_size, " if work.plan.settings.method == "analytic" else ""
+    raise CapacityError(
+        f"the lists of paths by tile take {size / 2**20:.0f} MiB, and "
+        f"{max(memory_room(work), 0) / 2**20:.0f} MiB of the memory that is allowed are left: "
+        f"allow more, or use {larger}fewer motion segments, or crops"
+    )
 
 
 def in_parts(

@@ -14,6 +14,7 @@ import mbinterval
 from mbinterval import cli, errors
 from mbinterval.film import Film
 from mbinterval.scene.load import RenderDefaults
+from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
 
 
@@ -21,7 +22,9 @@ class FakeApi:
     """Stands in for scene reader and renderer; remembers what was asked."""
 
     def __init__(self):
-        self.loaded = types.SimpleNamespace(scene="the scene", settings={}, render=RenderDefaults())
+        self.loaded = types.SimpleNamespace(
+            scene=Scene(meshes=()), settings={}, render=RenderDefaults(), files=()
+        )
         self.calls = []
         self.error = None
         self.fail_at = None
@@ -42,6 +45,7 @@ class FakeApi:
             intervals=np.ones(size),
             timings={"paths": 0.25},
             resolution=(arguments["width"], arguments["height"]),
+            metadata={"software": "mbinterval test"},
             notes=self.notes,
         )
 
@@ -62,13 +66,14 @@ def test_render_writes_the_scene_at_its_defaults(api, tmp_path, capsys):
     assert [p.name for p in tmp_path.iterdir()] == ["wheel.0001.exr"]
     (call,) = api.calls
     assert call == {
-        "scene": "the scene",
+        "scene": api.loaded.scene,
         "frame": 1,
         "width": 1024,
         "height": 768,
         "settings": Settings(),
         "device": None,
         "crop": None,
+        "memory": None,
         "progress": None,
     }
     out, err = capsys.readouterr()
@@ -307,6 +312,7 @@ def test_settings_of_file_and_command_line_that_clash_are_the_command_lines_faul
         (ValueError("why"), 1),
         (MemoryError(), 5),
         (KeyboardInterrupt(), 130),
+        (errors.Terminated(), 143),
     ],
 )
 def test_each_error_has_its_exit_code_and_one_line(api, capsys, error, code):
@@ -387,7 +393,7 @@ def test_help_and_version(capsys, arguments):
     if arguments == ["--version"]:
         assert out == f"mbinterval {mbinterval.__version__}\n"
     else:
-        assert all(f"  {code} " in out for code in (0, 1, 2, 3, 4, 5, 6, 130))
+        assert all(f"  {code} " in out for code in (0, 1, 2, 3, 4, 5, 6, 130, 143))
 
 
 def test_public_names_are_there_and_others_are_not():

@@ -38,7 +38,8 @@ def render(scene, *, frame, width, height, progress, **_):
             time.sleep(0.2)
             progress(part)
     pixels = np.ones((height, width))
-    return Film(np.ones((height, width, 4)), pixels, pixels, {}, (width, height))
+    made = {"software": "mbinterval test"}
+    return Film(np.ones((height, width, 4)), pixels, pixels, {}, (width, height), metadata=made)
 
 mbinterval.render = render
 sys.exit(cli.main(["render", "s.toml", "--frames", "1-3", "--width", "8", *sys.argv[1:]]))
@@ -51,14 +52,20 @@ def start(folder, *arguments, **options):
     return subprocess.Popen(command, cwd=folder, env=environment, text=True, **options)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_leaves_whole_frames_only(tmp_path, number):
+@pytest.mark.parametrize(
+    ("number", "code", "said"),
+    [
+        (signal.SIGINT, 130, "mbinterval: interrupted"),
+        (signal.SIGTERM, 143, "mbinterval: terminated"),
+    ],
+)
+def test_ctrl_c_leaves_whole_frames_only(tmp_path, number, code, said):
     process = start(tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdout.readline() == "working\n"
     process.send_signal(number)
     _, err = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert err.splitlines()[-1] == "mbinterval: interrupted"
+    assert process.returncode == code
+    assert err.splitlines()[-1] == said
     assert "Traceback" not in err
     assert [p.name for p in tmp_path.iterdir()] == ["s.0001.exr"]
     Film.read(tmp_path / "s.0001.exr")

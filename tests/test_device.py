@@ -96,7 +96,7 @@ def test_a_device_that_is_not_there_is_an_error_that_says_what_there_is(wanted):
     message = str(caught.value)
     assert str(wanted) in message
     if wanted == "Quantum":
-        assert "0: Fast GPU, 1: Big CPU, 2: pthread-cpu" in message
+        assert "the devices are 0: Fast GPU, 1: Big CPU, 2: pthread-cpu" in message
     else:
         assert "there are 3" in message
 

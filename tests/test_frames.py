@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mbinterval import errors
-from mbinterval.frames import frame_path, is_numbered, parse_frames
+from mbinterval.frames import frame_path, is_numbered, parse_frames, parse_outputs
 
 
 @pytest.mark.parametrize(
@@ -14,6 +14,8 @@ from mbinterval.frames import frame_path, is_numbered, parse_frames
         ("7", [7]),
         ("1-4", [1, 2, 3, 4]),
         ("1-8x3", [1, 4, 7]),
+        ("1-8:3", [1, 4, 7]),
+        ("1,5,10-20:5", [1, 5, 10, 15, 20]),
         ("1,5,9-12", [1, 5, 9, 10, 11, 12]),
         ("3,1-4, 2", [3, 1, 2, 4]),
         ("-5--3", [-5, -4, -3]),
@@ -56,11 +58,30 @@ def test_bad_frame_ranges_say_which_part_is_bad(text, reason):
         ("shot.%d.exr", 7, "shot.7.exr"),
         ("100%.####.exr", 7, "100%.0007.exr"),
         ("shot.####.exr", -7, "shot.-0007.exr"),
+        ("shot.{frame:04}.exr", 7, "shot.0007.exr"),
+        ("shot.{frame:04d}.exr", -7, "shot.-0007.exr"),
+        ("{frame}/shot.{frame:03}.####.exr", 7, "7/shot.007.0007.exr"),
+        ("shot.%4d.exr", 7, "shot.7.exr"),
     ],
 )
 def test_file_names_take_the_frame(pattern, frame, path):
     assert is_numbered(pattern)
     assert frame_path(pattern, frame) == Path(path)
+
+
+@pytest.mark.parametrize(
+    ("camera", "path"),
+    [("side", "side/7.exr"), ("a/b: c", "a_b_ c/7.exr"), ("..", "_/7.exr"), ("Kö", "Kö/7.exr")],
+)
+def test_file_names_take_the_camera(camera, path):
+    assert frame_path("{camera}/#.exr", 7, camera) == Path(path)
+
+
+def test_unknown_places_in_names_are_refused():
+    for output in ("a.{scene}.exr", "a.{frame:x}.exr", "a.{}.exr"):
+        with pytest.raises(errors.UsageError, match=r"is unknown; known are \{frame\}"):
+            parse_outputs(output)
+    assert parse_outputs("{camera}.{frame:04}.exr, b.exr") == ["{camera}.{frame:04}.exr", "b.exr"]
 
 
 def test_a_name_without_a_place_for_the_frame_is_kept():

@@ -9,8 +9,9 @@ import pytest
 
 import mbinterval
 from mbinterval import cli
+from mbinterval.batch import plan_tasks
 from mbinterval.commands import make_job
-from mbinterval.errors import MbintervalError
+from mbinterval.errors import MbintervalError, Terminated, exit_code
 from mbinterval.scene.load import load_file
 
 ROOT = Path(__file__).parent.parent
@@ -35,6 +36,18 @@ def test_its_commands_are_those_that_ci_runs_and_name_files_that_are_there(monke
     assert [Path(output).suffix for output in job.outputs] == [".exr", ".png"]
 
 
+def test_its_batch_is_one_that_can_be_run(monkeypatch):
+    (block,) = blocks("console")
+    monkeypatch.chdir(ROOT)
+    prompt, *command = shlex.split(block)
+    assert prompt == "$"
+    assert command[0] == "mbinterval"
+    job = make_job(cli._parser().parse_args(command[1:]))
+    tasks = plan_tasks(job)
+    assert [str(path) for path in tasks[-1].paths] == ["out/fox.0027.exr", "out/fox.0027.png"]
+    assert len(tasks) == 27
+
+
 def test_its_python_example_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
@@ -55,7 +68,8 @@ def test_its_scene_file_is_valid(tmp_path):
 def test_its_exit_codes_are_those_of_the_errors_and_of_the_help():
     documented = {int(code) for code in re.findall(r"^\| (\d+) \|", README, re.MULTILINE)}
     kinds = [MbintervalError, *MbintervalError.__subclasses__()]
-    assert documented == {0, cli.INTERRUPTED, *(kind.exit_code for kind in kinds)}
+    codes = {exit_code(error()) for error in (*kinds, KeyboardInterrupt, Terminated)}
+    assert documented == {0, *codes}
     for code, meaning in re.findall(r"^\| (\d+) \| (.*?) \|$", README, re.MULTILINE):
         assert f"  {code:<4} {meaning}\n" in cli._EXIT_CODES
 

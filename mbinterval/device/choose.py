@@ -12,6 +12,9 @@ from mbinterval.device.pocl_cpu import name_cpu
 from mbinterval.errors import DeviceError
 
 _POCL = "Portable Computing Language"
+_POCL_THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")  # before PoCL 5, and since
+THREADS = "MBINTERVAL_THREADS"
+"""Variable of the environment that limits the threads of CPU devices."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,8 @@ def choose_device(wanted: Any = None) -> Any:
     Raises
     ------
     DeviceError
-        No device, none that fits, or one without double precision.
+        No device, none that fits, one without double precision, or a CPU with more threads than
+        ``MBINTERVAL_THREADS``, if that is set, allows.
     """
     import pyopencl as cl
 
@@ -88,13 +92,15 @@ def choose_device(wanted: Any = None) -> Any:
     for device in found:
         if text.lower() in f"{device.platform.name} {device.name}".lower():
             return _checked(device)
-    names = ", ".join(f"{i}: {device.name.strip()}" for i, device in enumerate(found))
-    raise DeviceError(f"no device is called {text!r}; there are {names}")
+    names = ", ".join(f"{index}: {device.name.strip()}" for index, device in enumerate(found))
+    are = "the only device is" if len(found) == 1 else "the devices are"
+    raise DeviceError(f"no device is called {text!r}; {are} {names}")
 
 
 def _all_devices() -> list[Any]:
     import pyopencl as cl
 
+    _limit_threads()
     try:
         platforms = cl.get_platforms()
     except cl.Error:
@@ -111,6 +117,7 @@ def _all_devices() -> list[Any]:
 def _from_pyopencl_ctx() -> Any:
     import pyopencl as cl
 
+    _limit_threads()
     try:
         return cl.create_some_context(interactive=False).devices[0]
     except (cl.Error, RuntimeError, ValueError) as error:
@@ -124,9 +131,31 @@ def _checked(device: Any) -> Any:
             f"device {device.name.strip()!r} has no double precision, which exact times need; "
             "choose another with --device (see 'mbinterval devices')"
         )
+    most = _most_threads()
+    if most and _kind(device) == "CPU" and device.max_compute_units > most:
+        raise DeviceError(
+            f"device {device.name.strip()!r} uses {device.max_compute_units} threads and can't be "
+            f"held to {most}: only PoCL can, and only before it has started"
+        )
     if _POCL in device.platform.name:
         name_cpu(device)
     return device
+
+
+def _most_threads() -> int | None:
+    text = os.environ.get(THREADS)
+    if not text:
+        return None
+    if not text.isdecimal() or int(text) < 1:
+        raise DeviceError(f"{THREADS}={text!r}: expected a whole number from 1 up")
+    return int(text)
+
+
+def _limit_threads() -> None:
+    """Tell PoCL, which looks once when it starts, how many threads it may use."""
+    most = _most_threads()
+    for name in _POCL_THREADS if most else ():
+        os.environ[name] = str(most)
 
 
 def _kind(device: Any) -> str:

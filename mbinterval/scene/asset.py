@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.model import Camera, Light, Mesh, Shutter
+from mbinterval.scene.model import Camera, Light, Mesh, Shutter, Viewpoint
 
 GLTF_SUFFIXES = (".glb", ".gltf")
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
@@ -17,19 +17,34 @@ USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """Meshes of a file, its camera and lights if it has any, and what had to be assumed.
+    """Meshes of a file, its cameras and lights if it has any, and what had to be assumed.
 
     ``animation`` is the first and the last frame of the file's keys; None where nothing is keyed.
-    ``fps`` and ``shutter`` are those that the file gives, if it does.
+    ``fps`` is what the file gives, if it does. ``files`` are those that were read for it.
     """
 
     meshes: tuple[Mesh, ...]
-    camera: Camera | None = None
+    cameras: tuple[Viewpoint, ...] = ()
     lights: tuple[Light, ...] = ()
     notes: tuple[str, ...] = ()
     animation: tuple[float, float] | None = None
     fps: float | None = None
-    shutter: Shutter | None = None
+    files: tuple[Path, ...] = ()
+
+    @property
+    def camera(self) -> Camera | None:
+        """The first camera, which is used where none is chosen."""
+        return self.cameras[0].camera if self.cameras else None
+
+    @property
+    def shutter(self) -> Shutter | None:
+        """The first camera's shutter."""
+        return self.cameras[0].shutter if self.cameras else None
+
+
+def several_cameras(names: Sequence[str]) -> str:
+    """Note on a file with more cameras than one."""
+    return f"has cameras {', '.join(names)}; the first is used unless another is asked for"
 
 
 @contextmanager

@@ -18,7 +18,16 @@ from mbinterval.scene import generators
 from mbinterval.scene.asset import GLTF_SUFFIXES, USD_SUFFIXES, Asset
 from mbinterval.scene.gltf import read_gltf
 from mbinterval.scene.meshes import read_mesh_file
-from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
+from mbinterval.scene.model import (
+    Camera,
+    Light,
+    Material,
+    Mesh,
+    Scene,
+    Shutter,
+    Texture,
+    Viewpoint,
+)
 from mbinterval.scene.primitives import PRIMITIVES
 from mbinterval.scene.schema import (
     CameraTable,
@@ -34,8 +43,8 @@ from mbinterval.scene.usd import read_usd
 from mbinterval.scene.validate import Problem, scene_error
 
 
-def build_scene(table: SceneTable, file: str) -> Scene:
-    """Read what the scene file names, and put the scene together.
+def build_scene(table: SceneTable, file: str) -> tuple[Scene, tuple[Path, ...]]:
+    """Read what the scene file names, and put the scene together; return the files as well.
 
     Raises ``SceneError`` with every object and image that can't be read.
     """
@@ -58,7 +67,11 @@ def build_scene(table: SceneTable, file: str) -> Scene:
         asset = attempt(place, partial(_object, item, fps, texture))
         assets += [asset] if asset is not None else []
     background = attempt("background", lambda: _background(table, scene))
-    camera = attempt("camera", lambda: _scene_camera(table, scene, assets))
+    own = [
+        Viewpoint(camera)
+        for path, item in _camera_tables(table)
+        if (camera := attempt(path, partial(_camera, item))) is not None
+    ]
     lights = [*scene.lights, *(light for asset in assets for light in asset.lights)]
     if table.lights is not None:
         lights = [
@@ -70,17 +83,30 @@ def build_scene(table: SceneTable, file: str) -> Scene:
         shutter = attempt("shutter", partial(_shutter, table.shutter))
     if problems:
         raise scene_error(file, problems)
-    return Scene(
+    cameras, camera_notes = _cameras(own, scene, assets)
+    if table.shutter is not None:
+        cameras = [Viewpoint(view.camera) for view in cameras]
+    built = Scene(
         meshes=[*scene.meshes, *(mesh for asset in assets for mesh in asset.meshes)],
-        camera=camera[0],
+        camera=cameras[0].camera if cameras else None,
         lights=lights,
         background=background,
         shutter=shutter,
         fps=fps,
         name=table.name or Path(file).stem,
-        notes=(*scene.notes, *(note for asset in assets for note in asset.notes), *camera[1]),
+        notes=(*scene.notes, *(note for asset in assets for note in asset.notes), *camera_notes),
         animation=_animation(assets),
+        cameras=cameras,
     )
+    return built, _files(table, assets)
+
+
+def _files(table: SceneTable, assets: Sequence[Asset]) -> tuple[Path, ...]:
+    """Files that were read for the scene, each once."""
+    images = [item.material.texture for item in table.objects if item.material is not None]
+    background = table.background if isinstance(table.background, Path) else None
+    named = [*(file for asset in assets for file in asset.files), *images, background]
+    return tuple(dict.fromkeys(path for path in named if path is not None))
 
 
 _OBJECT = re.compile(r"(?:mesh|light|camera|shutter)(?: '[^']*')?: ")
@@ -123,18 +149,21 @@ def _generated(table: GeneratorTable | None) -> Scene:
     return scene
 
 
-def _scene_camera(
-    table: SceneTable, scene: Scene, assets: list[Asset]
-) -> tuple[Camera | None, list[str]]:
-    """Camera of the file, or else of the generator, or else of the first object that has one."""
+def _camera_tables(table: SceneTable) -> list[tuple[str, CameraTable]]:
     if table.camera is not None:
-        return _camera(table.camera), []
-    if scene.camera is not None:
-        return scene.camera, []
-    found = [asset.camera for asset in assets if asset.camera is not None]
-    if not found:
-        return None, []
-    return found[0], [f"no [camera]: camera {found[0].name!r} of a model is used"]
+        return [("camera", table.camera)]
+    return [(f"cameras[{index}]", item) for index, item in enumerate(table.cameras)]
+
+
+def _cameras(
+    own: list[Viewpoint], scene: Scene, assets: list[Asset]
+) -> tuple[list[Viewpoint], list[str]]:
+    """Cameras of the file, of the generator, and of the objects; notes on which is the first."""
+    given = own if scene.camera is None else [*own, Viewpoint(scene.camera)]
+    found = [view for asset in assets for view in asset.cameras]
+    if given or not found:
+        return [*given, *found], []
+    return found, [f"no [camera]: camera {found[0].camera.name!r} of a model is used"]
 
 
 def _texture(table: MaterialTable | None) -> Texture | None:

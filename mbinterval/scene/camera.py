@@ -241,6 +241,14 @@ class Camera:
             raise SceneError(f"{where}: f_stop without focus_distance; give the distance in focus")
 
 
+@dataclass(frozen=True)
+class Viewpoint:
+    """A camera that may be chosen by its name, and the shutter that its file gives it, if any."""
+
+    camera: Camera
+    shutter: Shutter | None = None
+
+
 _KEYED_NUMBERS = {"fov": 180.0, "focal_length": np.inf, "f_stop": np.inf, "focus_distance": np.inf}
 """Numbers that may be keyed, above 0, and what they stay below."""
 

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.asset import Asset, reading
+from mbinterval.scene.asset import Asset, reading, several_cameras
 from mbinterval.scene.deform import MorphedSkin
 from mbinterval.scene.gltf_data import GltfData, item_at
 from mbinterval.scene.gltf_deform import read_morph, read_skin
 from mbinterval.scene.gltf_material import MaterialReader, MaterialUse
 from mbinterval.scene.gltf_nodes import read_clip, walk_nodes
-from mbinterval.scene.model import Camera, Light, Mesh
+from mbinterval.scene.model import Camera, Light, Mesh, Viewpoint
 from mbinterval.scene.tracks import Transform
 
 _SUPPORTED = {
@@ -84,13 +84,14 @@ class _SceneReader:
             if light is not None:
                 lights += self._light(light, transform)
         if len(cameras) > 1:
-            self._note(f"camera {cameras[0].name!r} of {', '.join(c.name for c in cameras)}")
+            self._note(several_cameras([camera.name for camera in cameras]))
         return Asset(
             tuple(meshes),
-            cameras[0] if cameras else None,
+            tuple(map(Viewpoint, cameras)),
             tuple(lights),
             tuple(self.notes),
             self.clip.span,
+            files=tuple(self.data.files),
         )
 
     def _note(self, text: str) -> None:

@@ -36,6 +36,8 @@ class GltfData:
         The JSON part as pygltflib's records.
     path
         The file; what it names is relative to its folder.
+    files
+        What was read so far: the file, and what it names.
     node_weights
         Morph weights of those nodes that give their own, by the node's index; pygltflib drops
         them.
@@ -45,6 +47,7 @@ class GltfData:
         from pygltflib import GLTF2
 
         self.path = path
+        self.files = [path]
         data = path.read_bytes()
         if data[:4] == b"glTF":
             self.document: Any = GLTF2.load_from_bytes(data)
@@ -153,7 +156,10 @@ class GltfData:
                 raise SceneError(f"a data URI is damaged ({error})") from None
         if "://" in uri:
             raise SceneError(f"{uri} is not a local file; download it beside the model")
-        return (self.path.parent / unquote(uri)).read_bytes()
+        path = self.path.parent / unquote(uri)
+        data = path.read_bytes()
+        self.files.append(path)
+        return data
 
 
 def item_at(items: Any, index: Any, what: str) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +35,14 @@ class SceneFile:
         Values of the ``[settings]`` table, for ``Settings.from_mapping``.
     render
         Values of the ``[render]`` table.
+    files
+        All files that were read: the scene's own first.
     """
 
     scene: Scene
     settings: Mapping[str, Any] = field(default_factory=dict)
     render: RenderDefaults = field(default_factory=RenderDefaults)
+    files: tuple[Path, ...] = ()
 
 
 def load(
@@ -108,13 +111,14 @@ def load_file(
     kind = path.suffix.lower()
     _check_animation(kind, clip, fps)
     if kind in (".toml", ".json"):
-        return _from_table(_parse(path, kind), path.parent, str(path), overruled)
+        loaded = _from_table(_parse(path, kind), path.parent, str(path), overruled)
+        return replace(loaded, files=(path, *loaded.files))
     if kind == ".npz":
         from mbinterval.scene.benchmark import read_benchmark
 
         scene, width, height = read_benchmark(path)
-        return SceneFile(scene, render=RenderDefaults(width=width, height=height))
-    return SceneFile(_model_scene(path, kind, clip, fps))
+        return SceneFile(scene, {}, RenderDefaults(width=width, height=height), (path,))
+    return _model_scene(path, kind, clip, fps)
 
 
 def _check_animation(kind: str, clip: str | int | None, fps: float | None) -> None:
@@ -126,7 +130,7 @@ def _check_animation(kind: str, clip: str | int | None, fps: float | None) -> No
         raise UsageError("clip goes with a glTF model; a USD file has one animation")
 
 
-def _model_scene(path: Path, kind: str, clip: str | int | None, fps: float | None) -> Scene:
+def _model_scene(path: Path, kind: str, clip: str | int | None, fps: float | None) -> SceneFile:
     fps = None if fps is None else number(fps, "fps", above=0.0)
     usual = Scene(meshes=())
     if kind in GLTF_SUFFIXES:
@@ -141,7 +145,7 @@ def _model_scene(path: Path, kind: str, clip: str | int | None, fps: float | Non
         from mbinterval.scene.meshes import read_mesh_file
 
         asset = read_mesh_file(path)
-    return Scene(
+    scene = Scene(
         asset.meshes,
         asset.camera,
         asset.lights,
@@ -150,7 +154,9 @@ def _model_scene(path: Path, kind: str, clip: str | int | None, fps: float | Non
         name=path.stem,
         notes=asset.notes,
         animation=asset.animation,
+        cameras=asset.cameras,
     )
+    return SceneFile(scene, files=asset.files)
 
 
 def _parse(path: Path, kind: str) -> Any:
@@ -184,9 +190,9 @@ def _from_table(data: Any, base: Path, file: str, overruled: Collection[str]) ->
     table = validate(data, base, file, overruled)
     values = table.render.model_dump(exclude_none=True)
     try:
-        scene = build_scene(table, file)
+        scene, files = build_scene(table, file)
     except SceneError as error:
         if str(error).startswith(file):
             raise
         raise SceneError(f"{file}: {error}") from None
-    return SceneFile(scene, table.settings, RenderDefaults(**values))
+    return SceneFile(scene, table.settings, RenderDefaults(**values), files)

@@ -53,15 +53,19 @@ def read_mesh_file(path: Path, root: Transform | None = None) -> Asset:
         )
     if not meshes:
         raise SceneError(f"{path}: holds no triangles")
-    return Asset(meshes, notes=notes)
+    return Asset(meshes, notes=notes, files=(path, *dict.fromkeys(resolver.found)))
 
 
 def _recording_resolver(path: Path) -> Any:
-    """Make a resolver beside ``path`` that remembers what was not found; trimesh only logs it."""
+    """Make a resolver beside ``path`` that remembers what was found, and what was not.
+
+    Of what is missing trimesh only logs it.
+    """
     from trimesh.resolvers import FilePathResolver
 
     class RecordingResolver(FilePathResolver):
         missing: list[str]
+        found: list[Path]
 
         def get(self, name: str) -> Any:
             try:
@@ -69,10 +73,11 @@ def _recording_resolver(path: Path) -> Any:
             except (OSError, ValueError):
                 self.missing.append(name)
                 raise
+            self.found.append(path.parent / name)
             return _utf8(data) if name.lower().endswith(".mtl") else data
 
     resolver = RecordingResolver(str(path))
-    resolver.missing = []
+    resolver.missing, resolver.found = [], []
     return resolver
 
 

@@ -15,15 +15,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.errors import SceneError
+from mbinterval.errors import SceneError, UsageError
 from mbinterval.scene import checks
-from mbinterval.scene.camera import Camera, Shutter
+from mbinterval.scene.camera import Camera, Shutter, Viewpoint
 from mbinterval.scene.checks import Vector, freeze
 from mbinterval.scene.deform import Deformer
 from mbinterval.scene.mesh_arrays import check_attribute, check_color, check_faces, check_positions
 from mbinterval.scene.tracks import Placement, Track, check_place
 
-__all__ = ["Camera", "Light", "Material", "Mesh", "Scene", "Shutter", "Texture", "Vector"]
+__all__ = [
+    "Camera",
+    "Light",
+    "Material",
+    "Mesh",
+    "Scene",
+    "Shutter",
+    "Texture",
+    "Vector",
+    "Viewpoint",
+]
 
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -265,7 +275,8 @@ class Scene:
 
     ``background`` is a colour, or an image ``(h, w, 3)``, scene-linear, that fills the frame; alpha
     that `read_image` brings is left out.
-    ``notes`` are what a reader had to assume; ``mbinterval info`` prints them.
+    ``notes`` are what a reader had to assume; ``mbinterval info`` prints them. ``cameras`` are all
+    that a file has, for `through`; ``camera`` is the one in use.
     """
 
     meshes: Sequence[Mesh]
@@ -277,6 +288,7 @@ class Scene:
     name: str = ""
     notes: tuple[str, ...] = ()
     animation: tuple[float, float] | None = None
+    cameras: Sequence[Viewpoint] = ()
 
     def __post_init__(self) -> None:
         if self.camera is not None:
@@ -290,6 +302,32 @@ class Scene:
             fps=checks.number(self.fps, "scene: fps", above=0.0),
             name=checks.text(self.name, "scene: name"),
             notes=checks.items(self.notes, str, "scene: notes"),
+            cameras=checks.items(self.cameras, Viewpoint, "scene: cameras"),
+        )
+
+    def through(self, camera: str | int) -> Scene:
+        """Return the scene as one of its cameras sees it, with the shutter of that camera.
+
+        ``camera`` is a name, or a place in ``cameras``; see `camera_index`.
+        """
+        index = self.camera_index(camera) if isinstance(camera, str) else camera
+        view = self.cameras[index]
+        return replace(self, camera=view.camera, shutter=view.shutter or self.shutter)
+
+    def camera_index(self, name: str) -> int:
+        """Place in ``cameras`` of the first that is called ``name``.
+
+        Where none is, a number is the place itself. Raises `UsageError` where there is no such
+        camera.
+        """
+        names = [view.camera.name for view in self.cameras]
+        if name in names:
+            return names.index(name)
+        if name.isdecimal() and int(name) < len(names):
+            return int(name)
+        known = ", ".join(known or str(index) for index, known in enumerate(names))
+        raise UsageError(
+            f"no camera {name!r}; the scene has {known or 'none: one that frames it is made'}"
         )
 
 

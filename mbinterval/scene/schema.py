@@ -310,6 +310,7 @@ class SceneTable(Table):
     fps: Positive | None = None
     background: Annotated[Any, PlainValidator(_background)] = None
     camera: CameraTable | None = None
+    cameras: list[CameraTable] = Field(default_factory=list)
     shutter: ShutterTable | None = None
     lights: list[LightTable] | None = None
     objects: list[ObjectTable] = Field(default_factory=list)

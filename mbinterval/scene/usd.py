@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.asset import Asset, reading
-from mbinterval.scene.model import Camera, Mesh, Shutter
+from mbinterval.scene.asset import Asset, reading, several_cameras
+from mbinterval.scene.model import Camera, Mesh, Shutter, Viewpoint
 from mbinterval.scene.tracks import Track, Transform
 from mbinterval.scene.usd_instances import Crowd, InstancePlace, instance_masks
 from mbinterval.scene.usd_material import MaterialReader
@@ -88,7 +88,7 @@ class _StageReader:
         from pxr import UsdGeom
 
         meshes: list[Mesh] = []
-        cameras: list[tuple[Camera, Shutter | None]] = []
+        cameras: list[Viewpoint] = []
         others: set[str] = set()
         for prim in self._prims():
             if prim.IsA(UsdGeom.Mesh):
@@ -105,17 +105,30 @@ class _StageReader:
             found = f", only {', '.join(sorted(others))}" if others else ""
             raise SceneError(f"holds no mesh{found}; export its objects as meshes")
         if len(cameras) > 1:
-            names = ", ".join(camera.name for camera, _ in cameras)
-            self._note(f"camera {cameras[0][0].name!r} of {names}")
-        camera, shutter = cameras[0] if cameras else (None, None)
+            self._note(several_cameras([view.camera.name for view in cameras]))
         return Asset(
-            tuple(meshes), camera, (), tuple(self.notes), self._animation(), self.fps, shutter
+            tuple(meshes),
+            tuple(cameras),
+            notes=tuple(self.notes),
+            animation=self._animation(),
+            fps=self.fps,
+            files=self._files(),
         )
 
     def _note(self, text: str) -> None:
         note = f"{self.path.name}: {text}"
         if note not in self.notes:
             self.notes.append(note)
+
+    def _files(self) -> tuple[Path, ...]:
+        """Files that were read: the stage's own, its layers in the order of names, textures.
+
+        What lies in a package is in the package's file.
+        """
+        layers = {Path(layer.realPath) for layer in self.stage.GetUsedLayers() if layer.realPath}
+        others = sorted(layers - {self.path.resolve()})
+        named = [self.path, *others, *self.materials.files]
+        return tuple(path for path in dict.fromkeys(named) if path.is_file())
 
     def _prims(self) -> Iterator[Any]:
         """Prims to draw, in instances too; what a point instancer has below it is its own."""
@@ -142,7 +155,7 @@ class _StageReader:
         parts = _MeshReader(self, prim).parts()
         return [replace(part, visible=shown) for part in parts]
 
-    def _camera(self, source: Any) -> list[tuple[Camera, Shutter | None]]:
+    def _camera(self, source: Any) -> list[Viewpoint]:
         from pxr import UsdGeom
 
         name = source.GetPrim().GetName()
@@ -171,7 +184,7 @@ class _StageReader:
             float(attribute.Get(self.start) or 0.0) / self.clock.rate
             for attribute in (source.GetShutterOpenAttr(), source.GetShutterCloseAttr())
         )
-        return [(camera, Shutter(opens, closes) if closes > opens else None)]
+        return [Viewpoint(camera, Shutter(opens, closes) if closes > opens else Shutter())]
 
     def _instances(self, source: Any) -> list[Mesh]:
         """Every mesh of every prototype, once for each instance that shows it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,12 +33,16 @@ class MaterialUse:
 
 
 class MaterialReader:
-    """Reads each material of a stage once, when it is first used; values at the earliest time."""
+    """Reads each material of a stage once, when it is first used; values at the earliest time.
+
+    ``files`` are the textures that were read.
+    """
 
     def __init__(self, note: Note) -> None:
         self._note = note
         self._uses: dict[Any, MaterialUse] = {}
         self._textures: dict[tuple[str, str, bool], Texture | None] = {}
+        self.files: list[Path] = []
 
     def use(self, prim: Any, double_sided: bool) -> MaterialUse:
         """Material that is bound to ``prim``; without one its colour is ``displayColor``."""
@@ -99,6 +104,7 @@ class MaterialReader:
             asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(file.resolvedPath))
             self._textures[key] = None
             if asset:
+                self.files.append(Path(file.resolvedPath))
                 image = decode_image(bytes(asset.GetBuffer()), file.path)
                 if raw:
                     image = _undecoded(image)

@@ -112,9 +112,16 @@ def _path(names: Iterable[str | int]) -> str:
 def conflicts(data: Mapping[str, Any], overruled: Collection[str] = ()) -> list[Problem]:
     """What is wrong between fields, from the file as parsed, so that other errors don't hide it."""
     problems = list(_settings(_mapping(data.get("settings")), overruled))
-    camera = _mapping(data.get("camera"))
-    problems += _camera(camera)
-    problems += _transform("camera.transform", _mapping(camera.get("transform")))
+    problems += _camera("camera", _mapping(data.get("camera")))
+    if "camera" in data and "cameras" in data:
+        problems.append(("cameras", "is given beside camera; give one of them"))
+    names: list[Any] = []
+    for index, camera in enumerate(map(_mapping, _list(data.get("cameras")))):
+        path = f"cameras[{index}]"
+        problems += _camera(path, camera)
+        if camera.get("name") in names:
+            problems.append((f"{path}.name", f"{camera['name']!r} is the name of another camera"))
+        names += [camera["name"]] if "name" in camera else []
     shutter = _mapping(data.get("shutter"))
     if _ordered(shutter.get("close", 0.25), shutter.get("open", -0.25)):
         problems.append(("shutter", "close must come after open"))
@@ -145,16 +152,17 @@ def _settings(settings: Mapping[str, Any], overruled: Collection[str]) -> Iterat
             yield f"settings.{blamed}", conflict.text
 
 
-def _camera(camera: Mapping[str, Any]) -> Iterator[Problem]:
-    yield from _keys("camera", camera)
+def _camera(path: str, camera: Mapping[str, Any]) -> Iterator[Problem]:
+    yield from _keys(path, camera)
     names = set(camera).union(*map(_mapping, _list(camera.get("keys"))))
     if {"fov", "focal_length"} <= names:
-        yield "camera", "fov and focal_length both given; give one"
+        yield path, "fov and focal_length both given; give one"
     if names & {"vertical_aperture", "horizontal_aperture"} and "focal_length" not in names:
-        yield "camera", "an aperture without focal_length; give focal_length or fov"
+        yield path, "an aperture without focal_length; give focal_length or fov"
     placed = sorted(names & {"position", "look_at", "up"})
     if "transform" in names and placed:
-        yield "camera", f"transform and {placed[0]} both given; give one"
+        yield path, f"transform and {placed[0]} both given; give one"
+    yield from _transform(f"{path}.transform", _mapping(camera.get("transform")))
 
 
 def _transform(path: str, transform: Mapping[str, Any]) -> Iterator[Problem]:
