@@ -58,11 +58,13 @@ def test_its_python_example_runs(tmp_path, monkeypatch):
 
 
 def test_its_scene_file_is_valid(tmp_path):
-    (text,) = blocks("toml")
+    text, rolling = blocks("toml")
     (tmp_path / "box.toml").write_text(text)
     loaded = load_file(tmp_path / "box.toml")
     assert [mesh.name for mesh in loaded.scene.meshes] == ["box", "floor"]
     assert loaded.render.frames == "1-24"
+    (tmp_path / "rolling.toml").write_text(rolling)
+    assert load_file(tmp_path / "rolling.toml").scene.shutter.rolling == "down"
 
 
 def test_its_exit_codes_are_those_of_the_errors_and_of_the_help():
