@@ -88,7 +88,7 @@ def test_its_tables_of_stages_are_what_renders_time():
         {"pattern": "sobol"},
         {"occlusion": 32},
         {"paths": "triangulated", "occlusion": 32},
-        {"samples": 1, "filter": "five_point"},
+        {"samples": 1, "filter": "five_point", "aovs": "depth"},
         {"method": "stochastic", "pattern": "rgss"},
     )
     for values in ways:
