@@ -35,16 +35,15 @@ def identified(
     """
     found = dict(layers)
     if "material" in aovs:
-        index = {id(material): place for place, material in enumerate(_materials(scene), start=1)}
-        table = [0, *(index[id(mesh.material or DEFAULT_MATERIAL)] for mesh in scene.meshes)]
+        index = {material: place for place, material in enumerate(_materials(scene), start=1)}
+        table = [0, *(index[mesh.material or DEFAULT_MATERIAL] for mesh in scene.meshes)]
         found["material"] = np.array(table, np.uint32)[layers["object"]]
     return {name: found[name] for name in aovs}
 
 
 def _materials(scene: Scene) -> list[Material]:
-    """Materials that meshes use, each once."""
-    used = [mesh.material or DEFAULT_MATERIAL for mesh in scene.meshes]
-    return list({id(material): material for material in used}.values())
+    """Materials that meshes use; those that are equal in name and all else are one."""
+    return list(dict.fromkeys(mesh.material or DEFAULT_MATERIAL for mesh in scene.meshes))
 
 
 def _json(values: Sequence[str]) -> str:

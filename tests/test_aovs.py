@@ -206,6 +206,23 @@ def test_ids_stay_when_others_vanish_and_the_file_names_them():
     assert "objects" not in film(scene_of(*meshes), "material").metadata
 
 
+def test_materials_are_one_where_they_are_equal_and_have_their_objects_names_in_scene_files():
+    box = {"primitive": {"kind": "box", "size": [1, 1, 1]}}
+    table = {
+        "camera": {"position": [0, 0, 9], "look_at": [0, 0, 0]},
+        "objects": [
+            box | {"name": "left", "transform": {"translation": [-2, 0, 0]}},
+            box | {"name": "right", "transform": {"translation": [2, 0, 0]}},
+        ],
+    }
+    scene = mb.load(table)
+    assert json.loads(film(scene, "material").metadata["materials"]) == ["left", "right"]
+    same = replace(scene, meshes=[replace(mesh, material=Material("tin")) for mesh in scene.meshes])
+    found = film(same, "material", "object")
+    assert set(np.unique(found.layers["material"])) == {0, 1}
+    assert set(np.unique(found.layers["object"])) == {0, 1, 2}
+
+
 def test_what_appears_within_the_shutter_is_there_from_then_on():
     mesh = card(WHOLE, 2.0, (0.5, 0, 0), visible=Track([0, 1.0], [0.0, 1.0], "step"))
     for t, there in ((0.0, 0), (0.49, 0), (0.51, 1), (1.0, 1)):
