@@ -6,9 +6,9 @@
 //     exact:        place -> nearest -> solve -> envelope (or mask) -> shade -> moment -> resolve
 //
 // Stages between nearest and shade exist only where something moves, place only where samples lie
-// differently in every pixel, moment only where its layers are asked for. Nothing is lost when a pool is full: the piece of the tile at hand is
-// done again in halves. Only when a single row of samples does not fit is the tile given back to
-// the host, which has larger pools.
+// differently in every pixel, moment only where its layers are asked for. Nothing is lost when a
+// pool is full: the piece of the tile at hand is done again in halves. Only when a single row of
+// samples does not fit is the tile given back to the host, which has larger pools.
 #include "analytic/tile.h"
 #ifdef PLACED
 #include "analytic/place.cl"
