@@ -53,7 +53,7 @@ def render(
     ------
     UsageError, SceneError, DeviceError, KernelBuildError, CapacityError
     """
-    from mbinterval import identity
+    from mbinterval import ids
     from mbinterval.analytic import render_analytic
     from mbinterval.device.runtime import runtime
     from mbinterval.flow import add_flow, flow_notes
@@ -100,9 +100,9 @@ def render(
         stats=pixels.stats,
         resolution=(width, height),
         origin=region[:2],
-        metadata=frame_metadata(scene, exposure, settings) | identity.names(scene, settings.aovs),
+        metadata=frame_metadata(scene, exposure, settings) | ids.names(scene, settings.aovs),
         transparent=settings.transparent,
-        layers=identity.identified(scene, settings.aovs, pixels.layers),
+        layers=ids.identified(scene, settings.aovs, pixels.layers),
         notes=exposure.notes + flow_notes(scene, settings),
         device=on.device.name.strip(),
     )
