@@ -1,9 +1,9 @@
 """The analytic path: visibility solved as time intervals.
 
     exact:        paths -> bin -> [place -> nearest -> solve -> envelope (or mask)
-                                   -> shade -> resolve] -> share
+                                   -> shade -> moment -> resolve] -> share
     triangulated: paths -> bin -> [place -> nearest -> rasterize -> intervals -> sort -> occlude
-                                   -> shade -> resolve] -> share     (Hong & Oh 2017)
+                                   -> shade -> moment -> resolve] -> share     (Hong & Oh 2017)
 
 Each word is a stage: a file in ``cl/analytic``, an entry in the plan, and a key of the timings.
 The bracketed stages run fused, tile by tile, in one kernel (``tile.cl``, ``tiles.py``), so that
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.aovs import plane_count, split_planes
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.motion import Motion
@@ -53,7 +54,10 @@ def render_analytic(
     listed = _run_bin(work, motion)
     stats = render_tiles(work, listed, progress)
     if "share" in plan.stages:
-        _run_share(work)
+        work.timings["share"] = 0.0
+        for name in ("rgba", "sharp"):
+            if name in work.buffers:
+                _run_share(work, name)
     left, top = plan.crop[0] - plan.region[0], plan.crop[1] - plan.region[1]
     part = np.s_[top : top + plan.crop[3], left : left + plan.crop[2]]
     region = plan.region[3], plan.region[2]
@@ -61,9 +65,26 @@ def render_analytic(
         rgba=runtime.download(work.buffers["rgba"], (plan.crop[3], plan.crop[2], 4), np.float32),
         depth=runtime.download(work.buffers["depth"], region, np.float32)[part],
         intervals=runtime.download(work.buffers["met"], region, np.uint32)[part],
+        layers=_layers(work, motion, part),
         timings=work.timings,
         stats=stats,
     )
+
+
+def _layers(work: Work, motion: Motion, part: tuple[slice, slice]) -> dict[str, NDArray[Any]]:
+    """Layers that were asked for; ``part`` of the region is the film."""
+    plan, runtime = work.plan, work.runtime
+    found: dict[str, NDArray[Any]] = {}
+    if "sharp" in work.buffers:
+        size = plan.crop[3], plan.crop[2], 4
+        found["sharp"] = runtime.download(work.buffers["sharp"], size, np.float32)
+    if "planes" in work.buffers:
+        size = plane_count(plan.settings.aovs), plan.region[3], plan.region[2]
+        planes = runtime.download(work.buffers["planes"], size, np.uint32)
+        found |= split_planes(plan.settings.aovs, planes[:, *part])
+    if "object" in found:
+        found["object"] = motion.objects[found["object"]]
+    return found
 
 
 def _run_paths(work: Work, motion: Motion) -> None:
@@ -110,14 +131,14 @@ def _run_bin(work: Work, motion: Motion) -> NDArray[np.int64]:
     return list_paths(work, "analytic/bin.cl", (), given, len(motion.paths), reach)
 
 
-def _run_share(work: Work) -> None:
-    """Stage "share": the film from the values at the centres of the region's pixels."""
+def _run_share(work: Work, name: str) -> None:
+    """Stage "share": a film from the values at the centres of the region's pixels."""
     runtime, plan, background = work.runtime, work.plan, work.exposure.background
-    film = runtime.allocate(16 * plan.crop[2] * plan.crop[3], "rgba")
+    film = runtime.allocate(16 * plan.crop[2] * plan.crop[3], name)
     kernel = runtime.kernel("analytic/share.cl", "share", plan.options)
     frames = [frame_record(part, background) for part in (plan.region, plan.crop)]
     event = runtime.run(
-        kernel, plan.crop[3], work.buffers["rgba"], *frames, work.buffers["background"], film
+        kernel, plan.crop[3], work.buffers[name], *frames, work.buffers["background"], film
     )
-    work.timings["share"] = seconds(event)
-    work.buffers["rgba"] = film
+    work.timings["share"] += seconds(event)
+    work.buffers[name] = film

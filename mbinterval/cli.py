@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 from mbinterval import __version__, commands
 from mbinterval import evaluation_options as evaluation
 from mbinterval import option_values as values
+from mbinterval.aovs import AOVS
 from mbinterval.checks import nearest
 from mbinterval.errors import MbintervalError, Terminated, exit_code
 from mbinterval.frames import parse_frames, parse_outputs
@@ -58,6 +59,9 @@ _SETTING_HELP = {
     "motion_error": "greatest path error of chosen motion segments, in pixels",
     "seed": "seed of every pseudo-random choice",
     "transparent": "leave the background out; PNG gets an alpha channel",
+    "aovs": "layers to find in the same pass, with commas between them: "
+    f"{', '.join(AOVS)}; 'none' overrules the scene file",
+    "aov_time": "when the sharp frame is, from 0 where the shutter opens to 1 where it closes",
     "cull": "which point samples a path is tested at",
     "cull_tile": "pixels along the edge of the tiles that culling bounds",
     "test": "how a point sample is tested: vertices or edges",
@@ -246,8 +250,12 @@ def _add_render_options(command: argparse.ArgumentParser) -> None:
             details: dict[str, Any] = {"action": argparse.BooleanOptionalAction}
         else:
             details = {"type": values.value, "metavar": "VALUE"}
-            text += f" [{str(setting.default).lower()}]"
+            text += f" [{_shown(setting.default)}]"
         settings.add_argument(option, default=argparse.SUPPRESS, help=text, **details)
+
+
+def _shown(default: Any) -> str:
+    return str(default).lower() if default != () else "none"
 
 
 def _add_output_options(command: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbinterval.aovs import MACROS, MOMENTARY
 from mbinterval.sampling import filter_of, pattern_of
 from mbinterval.settings import Settings
 
@@ -40,6 +41,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
         *_shading(exposure, motion),
         *_film(exposure, settings),
         *_published(settings, moving),
+        *_layers(settings),
     )
 
 
@@ -144,6 +146,14 @@ def _published(settings: Settings, moving: bool) -> tuple[Effect, ...]:
     return (
         Effect("pairing by depth", by_depth, pairs, "PAIR_BY_DEPTH"),
         Effect("partial bits", partial, bits, "PARTIAL_BITS"),
+    )
+
+
+def _layers(settings: Settings) -> tuple[Effect, ...]:
+    asked = ", ".join(name for name in settings.aovs if name in MOMENTARY)
+    return (
+        Effect("values at one moment", bool(asked), asked or "not asked for", "MOMENTARY"),
+        *(Effect(f"layer {name}", True, "asked for", MACROS[name]) for name in settings.aovs),
     )
 
 

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.aovs import AOVS, channels_of, layers_of
+from mbinterval.checks import nearest
 from mbinterval.errors import OutputError, UsageError
 from mbinterval.exr import PIXEL_DIGEST, AttributeValue, ExrImage, read_exr, write_exr
 from mbinterval.frames import check_ending
@@ -33,6 +35,8 @@ class Film:
     intervals
         ``(H, W)`` uint32: time intervals met in the pixel, summed over its samples; of point
         samples the number of those that see something.
+    layers
+        What else was asked for, by name: see `mbinterval.aovs.AOVS`.
     timings
         Seconds by stage, in the order in which the stages run. Not written to files.
     resolution
@@ -64,6 +68,7 @@ class Film:
     metadata: Mapping[str, AttributeValue] = field(default_factory=dict)
     stats: Mapping[str, int] = field(default_factory=dict)
     transparent: bool = False
+    layers: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     device: str = ""
 
@@ -72,6 +77,8 @@ class Film:
         _set_array(self, "rgba", np.float32, (*shape, 4))
         _set_array(self, "depth", np.float32, shape)
         _set_array(self, "intervals", np.uint32, shape)
+        layers = {name: _layer(name, self.layers[name], shape) for name in self.layers}
+        object.__setattr__(self, "layers", layers)
         if len(shape) != 2 or 0 in shape:
             raise UsageError(f"film: {shape} pixels; expected at least one row and one column")
 
@@ -79,10 +86,11 @@ class Film:
         """Write an EXR or a PNG, by the ending of ``path``; all of it or nothing.
 
         An EXR has the channels R, G, B, A and Z in 32-bit float and ``intervals`` in 32-bit
-        integers, compressed without loss, the film as data window and the whole frame as display
-        window, and the metadata and a digest of the pixels as attributes. A PNG has 8 bits with
-        the sRGB curve, and alpha, straight, where the film is transparent; metadata and digest are
-        text chunks. Equal films give equal bytes. Missing folders are made.
+        integers, and those of ``layers``, compressed without loss, the film as data window and the
+        whole frame as display window, and the metadata and a digest of the pixels as attributes. A
+        PNG has the colour alone, in 8 bits with the sRGB curve, and alpha, straight, where the film
+        is transparent; metadata and digest are text chunks. Equal films give equal bytes. Missing
+        folders are made.
 
         Raises
         ------
@@ -99,7 +107,7 @@ class Film:
         channels: dict[str, NDArray[Any]] = {
             name: self.rgba[..., index] for index, name in enumerate(_COLOUR)
         }
-        channels |= {"Z": self.depth, "intervals": self.intervals}
+        channels |= {"Z": self.depth, "intervals": self.intervals, **channels_of(self.layers)}
         attributes = {**self.metadata, "transparent": int(self.transparent)}
         write_exr(path, ExrImage(channels, self.resolution, self.origin, attributes))
         return path
@@ -109,7 +117,7 @@ class Film:
         """Read an EXR that this or another program wrote.
 
         Without A alpha is 1, without Z depth is infinite, and without whole ``intervals`` they
-        are 0.
+        are 0. Of ``layers`` those are read whose channels are all there.
 
         Raises
         ------
@@ -136,15 +144,27 @@ class Film:
             resolution=image.resolution,
             origin=image.origin,
             metadata=attributes,
+            layers=layers_of(image.channels),
             transparent=transparent,
         )
 
 
 def _set_array(film: Film, name: str, dtype: type, shape: tuple[int, ...]) -> None:
+    object.__setattr__(film, name, _array(name, getattr(film, name), dtype, shape))
+
+
+def _layer(name: str, pixels: Any, shape: tuple[int, ...]) -> NDArray[Any]:
+    if name not in AOVS:
+        raise UsageError(f"film: unknown layer {name!r}, {nearest(name, AOVS)}")
+    count = len(AOVS[name].channels)
+    return _array(name, pixels, AOVS[name].dtype, shape if count == 1 else (*shape, count))
+
+
+def _array(name: str, value: Any, dtype: type, shape: tuple[int, ...]) -> NDArray[Any]:
     try:
-        array: NDArray[Any] = np.ascontiguousarray(getattr(film, name), dtype=dtype)
+        array: NDArray[Any] = np.ascontiguousarray(value, dtype=dtype)
     except (TypeError, ValueError):
         raise UsageError(f"film: {name} is no array of numbers") from None
     if array.shape != shape:
         raise UsageError(f"film: {name} has shape {array.shape}, expected {shape}")
-    object.__setattr__(film, name, array)
+    return array

@@ -5,8 +5,8 @@ What does not move comes first, so that the kernels tell it from a path's index 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,11 @@ class Motion:
         (three).
     materials
         The materials that the mesh records name, by index.
+    objects
+        0, and for each mesh record 1 and its place in the scene's meshes.
+    places
+        For each optical flow asked for, by name, ``(n, 3)`` float64: where the vertices of all
+        mesh records are in another frame, in homogeneous pixels (`mbinterval.flow`).
     """
 
     positions: NDArray[np.float64]
@@ -55,28 +60,32 @@ class Motion:
     color: NDArray[np.float32]
     uv: NDArray[np.float32]
     normal: NDArray[np.float32]
+    objects: NDArray[np.uint32]
+    places: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     """Lay out ``exposure`` for a frame of ``width`` by ``height`` pixels."""
     _check_room(exposure)
-    meshes = sorted(exposure.meshes, key=lambda mesh: mesh.segments > 0)
+    meshes = in_order(exposure)
     cameras, camera_index = _camera_table(exposure, width, height)
     materials = {id(_material(mesh)): _material(mesh) for mesh in meshes}
     material_index = {key: index for index, key in enumerate(materials)}
     pools = {name: _Pool(size) for name, size in _ATTRIBUTE_SIZES.items()}
     table = np.zeros(len(meshes), records.MESH)
     jobs, paths = [], []
-    first = vertex = 0
+    first = vertex = once = 0
     for index, mesh in enumerate(meshes):
         row, camera = table[index], camera_index[id(mesh.poses)] if mesh.segments else 0
         row["vertex"], row["count"] = vertex, mesh.positions.shape[1]
         row["camera"], row["material"] = camera, material_index[id(_material(mesh))]
+        row["first"] = once
         _add_attributes(row, mesh, pools)
         jobs.append(_vertex_jobs(mesh, first, vertex, camera))
         paths.append(_motion_paths(mesh, index, vertex))
         first += mesh.positions.shape[0] * mesh.positions.shape[1]
         vertex += (mesh.segments + 1) * mesh.positions.shape[1]
+        once += mesh.positions.shape[1]
     return Motion(
         positions=_joined([mesh.positions.reshape(-1, 3) for mesh in meshes], np.float64),
         jobs=_joined(jobs, records.VERTEX_JOB),
@@ -86,8 +95,16 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
         static_paths=sum(len(mesh.mesh.faces) for mesh in meshes if mesh.segments == 0),
         meshes=table,
         materials=tuple(materials.values()),
-        **{name: _joined(pool.arrays, np.float32) for name, pool in pools.items()},
+        objects=np.array([0, *(mesh.index + 1 for mesh in meshes)], np.uint32),
+        color=_joined(pools["color"].arrays, np.float32),
+        uv=_joined(pools["uv"].arrays, np.float32),
+        normal=_joined(pools["normal"].arrays, np.float32),
     )
+
+
+def in_order(exposure: Exposure) -> list[MeshExposure]:
+    """Return the meshes in the order of their records: those that don't move first."""
+    return sorted(exposure.meshes, key=lambda mesh: mesh.segments > 0)
 
 
 def _check_room(exposure: Exposure) -> None:

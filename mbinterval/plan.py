@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.aovs import FLOWS
 from mbinterval.device import records
 from mbinterval.effects import Effect, effects_of
 from mbinterval.errors import UsageError
@@ -87,6 +88,11 @@ def make_plan(
     active = {effect.macro for effect in effects if effect.active}
     if "LENS" in active and settings.paths == "triangulated":
         raise UsageError("paths='triangulated' has no lens; use paths='exact', or leave f_stop out")
+    if exposure.roll is not None and set(FLOWS) & set(settings.aovs):
+        raise UsageError(
+            "aovs: forward and backward need all lines of a frame at one time, but the shutter "
+            "rolls; leave them out, or leave out shutter.rolling"
+        )
     tile = settings.tile_size
     layers = max(1, min(settings.samples, _SAMPLES_AT_A_TIME // tile**2))
     sizes: dict[str, int | str] = {
@@ -101,6 +107,8 @@ def make_plan(
             sizes["MAX_INTERVALS"] = settings.max_intervals
     if active & {"PHONG", "TEXTURED", "VERTEX_COLOR"}:
         sizes["TEXTURE_SAMPLES"] = settings.texture_samples
+    if active & {"MOMENTARY", "AOV_SHARP"}:
+        sizes["AOV_TIME"] = _float(settings.aov_time)
     sizes |= sampling_sizes(exposure, settings, active)
     timed = _time_stages(settings) if "MOVING" in active else ()
     return Plan(
@@ -116,6 +124,7 @@ def make_plan(
             *(("nearest",) if "STATIC" in active else ()),
             *timed,
             "shade",
+            *(("moment",) if "MOMENTARY" in active else ()),
             "resolve",
             *(("share",) if "FIVE_POINT" in active else ()),
         ),

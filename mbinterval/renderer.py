@@ -53,8 +53,10 @@ def render(
     ------
     UsageError, SceneError, DeviceError, KernelBuildError, CapacityError
     """
+    from mbinterval import ids
     from mbinterval.analytic import render_analytic
     from mbinterval.device.runtime import runtime
+    from mbinterval.flow import add_flow, flow_notes
     from mbinterval.memory import check_memory, check_paths, memory_left
     from mbinterval.metadata import frame_metadata
     from mbinterval.motion import lay_out
@@ -85,6 +87,7 @@ def render(
     check_paths(exposure, settings.method, room)
     motion = lay_out(exposure, width, height)
     plan = replace(make_plan(exposure, motion, settings, width, height, region), memory=room)
+    motion = add_flow(motion, scene, exposure, settings, width, height)
     check_memory(motion, plan, memory)
     exposed = time.perf_counter() - started
     run = render_analytic if settings.method == "analytic" else render_stochastic
@@ -97,9 +100,10 @@ def render(
         stats=pixels.stats,
         resolution=(width, height),
         origin=region[:2],
-        metadata=frame_metadata(scene, exposure, settings),
+        metadata=frame_metadata(scene, exposure, settings) | ids.names(scene, settings.aovs),
         transparent=settings.transparent,
-        notes=exposure.notes,
+        layers=ids.identified(scene, settings.aovs, pixels.layers),
+        notes=exposure.notes + flow_notes(scene, settings),
         device=on.device.name.strip(),
     )
 

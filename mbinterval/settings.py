@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from mbinterval.aovs import check_aovs
 from mbinterval.checks import choice, instance, nearest, number, whole_number
 from mbinterval.errors import UsageError
 
@@ -28,6 +29,7 @@ PATTERNS: dict[str, tuple[str, ...]] = {
 _BELONGS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("paths", "pairing", "occlusion", "partial_bits"), ("analytic",)),
     **dict.fromkeys(("max_intervals", "texture_samples", "tile_size"), ("analytic",)),
+    **dict.fromkeys(("aovs", "aov_time"), ("analytic",)),
     **dict.fromkeys(("cull", "cull_tile", "test"), ("stochastic", "accumulation")),
     **dict.fromkeys(("shading_rate", "hybrid"), ("stochastic", "accumulation")),
     **dict.fromkeys(("frameless",), ("stochastic",)),
@@ -121,6 +123,12 @@ class Settings:
         Leave the background out of colour; alpha is coverage either way.
     tile_size
         Edge of a square tile in pixels: 8, 16 or 32. It changes speed, never the image.
+    aovs
+        Names of what else is found in the same pass, a list or a text with commas between them:
+        see `mbinterval.aovs.AOVS`. The image is the same with and without.
+    aov_time
+        When the sharp frame and what goes with it is: a part of the shutter, from 0 where it
+        opens to 1 where it closes; of a rolling shutter, of each line's own exposure.
     cull
         Which samples a path is tested at, one of ``CULLS``; it changes speed and counts, never the
         image, but for ``"clip_space_printed"``, which loses hits (see ``cl/stochastic/cull``).
@@ -160,6 +168,8 @@ class Settings:
     seed: int = 0
     transparent: bool = False
     tile_size: int = 16
+    aovs: tuple[str, ...] = ()
+    aov_time: float = 0.5
     cull: str = "best"
     cull_tile: int = 1
     test: str = "vertices"
@@ -186,6 +196,9 @@ class Settings:
             and setting.name not in _SPEED_ONLY
         ]
         values = {name: getattr(self, name) for name in names}
+        aovs, aov_time = values.pop("aovs", ()), values.pop("aov_time", None)
+        if aovs:
+            values |= {"aovs": ",".join(aovs), "aov_time": aov_time}
         if self.cull == "clip_space_printed":
             values["cull"] = self.cull
         return values
@@ -220,6 +233,10 @@ def check_setting(name: str, value: Any) -> Any:
         return number(value, name, above=0.0)
     if name == "filter_radius":
         return None if value is None else number(value, name, above=0.0, high=8.0)
+    if name == "aovs":
+        return check_aovs(value, name)
+    if name == "aov_time":
+        return number(value, name, 0.0, 1.0)
     return instance(value, bool, name)
 
 
@@ -233,7 +250,8 @@ class Conflict:
 
 def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
     """Find settings that don't go together; those not among ``values`` have their defaults."""
-    given = {field.name: field.default for field in fields(Settings)} | dict(values)
+    given: dict[str, Any] = {field.name: field.default for field in fields(Settings)}
+    given |= values
     found = [*_conflicts_of_methods(given), *_conflicts_of_samples(given)]
     if given["paths"] == "triangulated" and given["pattern"] == "sobol":
         why = "triangulated paths are rasterized in rows of samples; use pattern='fixed'"
@@ -244,6 +262,10 @@ def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
     if given["partial_bits"] is True and given["occlusion"] == "exact":
         why = "exact occlusion has no bits; give occlusion a number of bits, 32 to 1024"
         found.append(("partial_bits", "occlusion", why))
+    if given["paths"] == "triangulated" and "operations" in (given["aovs"] or ()):
+        found.append(("aovs", "paths", "operations are counted for paths='exact'"))
+    if given["occlusion"] != "exact" and "sharp" in (given["aovs"] or ()):
+        found.append(("aovs", "occlusion", "a mask does not tell what is seen at a moment"))
     if given["filter"] == "five_point":
         why = "it is a rule for samples=1 with pattern='fixed'; use filter='box' with more"
         if given["samples"] != 1:

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.aovs import plane_count
 from mbinterval.device import records
 from mbinterval.device.runtime import seconds
 from mbinterval.errors import CapacityError
@@ -27,7 +28,7 @@ _log = logging.getLogger(__name__)
 
 TILE_STAGES = (
     *("place", "nearest", "rasterize", "intervals", "sort", "occlude"),
-    *("solve", "envelope", "mask", "shade", "resolve"),
+    *("solve", "envelope", "mask", "shade", "moment", "resolve"),
 )
 """Stages of the fused kernel, in the order in which it counts their time."""
 
@@ -38,6 +39,7 @@ _ARGUMENTS = (
     *("starts", "members", "queue", "next", "failed", "samples", "pixels", "counters"),
     *("rgba", "depth", "met"),
 )
+_LAYERS = ("sharp", "planes", "forward", "backward")  # those that are asked for
 _EXACT_POOLS = {
     "visits": records.VISIT,
     "fronts": records.FRONT,
@@ -92,19 +94,28 @@ def _allocate(work: Work, workers: int) -> None:
     """Buffers of the film, and of the scratch that does not depend on the pools' capacity."""
     _, _, columns, rows = tile_grid(work.plan)
     width, height = work.plan.region[2:]
+    asked = work.plan.settings.aovs
     pixels = work.plan.tile**2 * workers
     sizes = {
         "next": 4,
         "failed": 4 * columns * rows,
-        "samples": 4 * _SAMPLE_WORDS * work.plan.layers * pixels,
-        "pixels": 16 * _PIXEL_VECTORS * pixels,
+        "samples": 4 * (_SAMPLE_WORDS + ("operations" in asked)) * work.plan.layers * pixels,
+        "pixels": 16 * (_PIXEL_VECTORS + ("sharp" in asked)) * pixels,
         "counters": 8 * len(TILE_STAGES + _COUNTS) * workers,
         "rgba": 16 * width * height,
         "depth": 4 * width * height,
         "met": 4 * width * height,
+        **layer_bytes(work.plan),
     }
     for name, size in sizes.items():
         work.buffers[name] = work.runtime.allocate(size, name)
+
+
+def layer_bytes(plan: Plan) -> dict[str, int]:
+    """Bytes of the buffers that hold the layers asked for."""
+    pixels, asked = plan.region[2] * plan.region[3], plan.settings.aovs
+    sizes = {"sharp": 16 * pixels * ("sharp" in asked), "planes": 4 * pixels * plane_count(asked)}
+    return {name: size for name, size in sizes.items() if size}
 
 
 def pools(plan: Plan) -> dict[str, np.dtype[np.void]]:
@@ -135,7 +146,8 @@ def _run_part(
     counts = len(queue), capacity, buffers["light_count"], buffers["static_paths"]
     grid = packed("iiiiIIIIIfff", left, top, columns, rows, *counts, plan.settings.seed, *rolling)
     frame = frame_record(plan.region, background)
-    names = (*_ARGUMENTS, *(("depths",) if plan.exact else ()), *pools(plan))
+    layers = [name for name in _LAYERS if name in buffers]
+    names = (*_ARGUMENTS, *layers, *(("depths",) if plan.exact else ()), *pools(plan))
     kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)
     arguments = [buffers[name] for name in names]
     took = seconds(runtime.run(kernel, min(workers, len(queue)), *arguments, grid, frame))

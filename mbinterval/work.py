@@ -39,6 +39,7 @@ class Pixels:
     intervals: NDArray[np.uint32]
     timings: Mapping[str, float]
     stats: Mapping[str, int]
+    layers: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
@@ -81,6 +82,7 @@ def upload_scene(
         "filter": np.zeros(0) if shape is None else shape.table.astype(np.float32),
         "shutter": shutter_keys(exposure.shutter),
         "background": background,
+        **motion.places,
     }
     buffers: dict[str, Any] = {}
     for name, array in arrays.items():

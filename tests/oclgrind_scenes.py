@@ -64,6 +64,7 @@ class Small:
 
 
 POINTS = {"method": "stochastic"}
+LAYERS = ("sharp", "depth", "normal", "uv", "object", "operations")
 ROLL = Shutter(rolling="left", line_offset=0.01, line_exposure=0.2, curve="triangle")
 SCENES = {
     "exact": Small(colorful, {"samples": 2}),
@@ -85,6 +86,12 @@ SCENES = {
     ),
     "shutter": Small(colorful, {"samples": 1}, scene={"shutter": Shutter(curve=(1.0, 0.0, 2.0))}),
     "rolling": Small(colorful, {"samples": 2}, scene={"shutter": ROLL}),
+    "layers": Small(
+        colorful, {"samples": 2, "aovs": LAYERS, "aov_time": 1.0}, scene={"shutter": ROLL}
+    ),
+    "layers, behind the eye": Small(
+        lambda: [triangles(8, near=-1.0)], {"samples": 1, "aovs": (*LAYERS, "forward", "backward")}
+    ),
     "static": Small(lambda: [triangles(6, moving=False)], {"samples": 2}),
     "empty": Small(list, {"samples": 1}),
     "transparent": Small(colorful, {"samples": 1, "transparent": True, "tile_size": 8}),
@@ -143,6 +150,7 @@ SCENES = {
 
 def plan_of(small: Small) -> tuple[object, object, object]:
     """Exposure, motion and plan of a scene."""
+    from mbinterval.flow import add_flow
     from mbinterval.motion import lay_out
     from mbinterval.plan import make_plan, roll_lines
     from mbinterval.scene.exposure import expose
@@ -155,7 +163,7 @@ def plan_of(small: Small) -> tuple[object, object, object]:
     settings = mb.Settings(**fast | small.settings)
     lines = roll_lines(scene, *SIZE)
     exposure = expose(scene, 1.0, SIZE[0] / SIZE[1], settings.motion_segments, lines)
-    motion = lay_out(exposure, *SIZE)
+    motion = add_flow(lay_out(exposure, *SIZE), scene, exposure, settings, *SIZE)
     sizes = {} if small.capacity is None else {"capacity": small.capacity}
     return exposure, motion, make_plan(exposure, motion, settings, *SIZE, (0, 0, *SIZE), **sizes)
 

@@ -128,6 +128,8 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
         "seed": 5,
         "transparent": True,
         "tile_size": 8,
+        "aovs": "uv,depth",
+        "aov_time": 0.25,
     }
     sampled = {"method": "stochastic", "cull": "bbox", "cull_tile": 2, "test": "edges",
                "hybrid": True, "frameless": 4, "statistics": True}  # fmt: skip

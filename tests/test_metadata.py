@@ -62,7 +62,9 @@ SAMPLED = ("cull", "cull_tile", "test", "shading_rate", "hybrid", "frameless", "
 
 def test_what_cannot_change_the_image_is_left_out():
     assert metadata(settings=Settings(tile_size=8)) == metadata(settings=Settings(tile_size=32))
-    changed = Settings(paths="triangulated", max_intervals=1, motion_segments=1, filter_radius=1.0)
+    changed = Settings(
+        paths="triangulated", max_intervals=1, motion_segments=1, filter_radius=1.0, aovs="uv"
+    )
     given = metadata(settings=changed)
     for setting in dataclasses.fields(Settings):
         written = setting.name != "tile_size" and setting.name not in SAMPLED

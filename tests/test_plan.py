@@ -12,11 +12,13 @@ from closed_forms import UNIT_CAMERA, rectangle, world
 from kernels import plan_of
 
 import mbinterval as mb
+from mbinterval.aovs import AOVS
 from mbinterval.device.runtime import runtime
 from mbinterval.errors import KernelBuildError, UsageError
 from mbinterval.plan import Plan, check_crop
 from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
 from mbinterval.scene.tracks import Track
+from mbinterval.tiles import layer_bytes
 
 SIZE = (32, 16)
 FUNCTIONS = ("rasterize", "sort", "occlude", "solve", "envelope", "append_owned_runs")
@@ -153,6 +155,32 @@ def test_untextured_scenes_have_no_texture_code_and_unlit_ones_no_light():
     assert not builds_without(lit, ("phong",), header)
 
 
+CODE = {
+    "sharp": "add_moment",
+    "depth": "PLANE_DEPTH",
+    "normal": "PLANE_NORMAL",
+    "uv": "PLANE_UV",
+    "forward": "PLANE_FORWARD",
+    "backward": "PLANE_BACKWARD",
+    "operations": "PLANE_OPERATIONS",
+}
+"""Something that only the code of a layer uses, past the tile's header."""
+
+
+@pytest.mark.parametrize("name", CODE)
+def test_a_layer_that_is_not_asked_for_leaves_no_code_no_buffer_and_no_stage(name):
+    header = "analytic/tile.h"
+    others = tuple(other for other in AOVS if other != name)
+    assert builds_without(plan(mesh(), aovs=others), (CODE[name],), header)
+    assert not builds_without(plan(mesh(), aovs=name), (CODE[name],), header)
+    asked, none = plan(mesh(), aovs=name), plan(mesh())
+    assert sum(layer_bytes(asked).values()) == 32 * 16 * 4 * len(AOVS[name].channels)
+    assert layer_bytes(none) == {}
+    assert ("moment" in asked.stages) == (name not in ("sharp", "operations"))
+    assert asked.stages[-2:] == ("moment", "resolve") or asked.stages == none.stages
+    assert not [option for option in none.options if "AOV" in option or "MOMENT" in option]
+
+
 def test_point_lights_are_called_for_by_lit_materials_under_them():
     clay = mesh(material=Material("clay"))
     for lights, meshes, called_for in (
@@ -194,6 +222,7 @@ EVERYTHING = Scene(
     lights=[Light("ambient")],
     background=np.zeros((2, 2, 3)),
 )
+LAYERS = ("depth", "normal", "uv", "forward", "backward", "object", "material")
 BUILT = {
     "empty": (Scene(meshes=[], camera=UNIT_CAMERA), {}),
     "static": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {}),
@@ -202,6 +231,10 @@ BUILT = {
     "textured": (Scene(meshes=[mesh(material=UNLIT_PICTURE, uv=UV)], camera=UNIT_CAMERA), {}),
     "everything": (EVERYTHING, {}),
     "everything, clear": (EVERYTHING, {"transparent": True, "samples": 1, "tile_size": 8}),
+    "empty, with layers": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": LAYERS}),
+    "static, with layers": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {"aovs": LAYERS}),
+    "everything, with layers": (EVERYTHING, {"aovs": LAYERS}),
+    "everything, sharp": (EVERYTHING, {"aovs": "sharp", "occlusion": "exact"}),
 }
 
 
@@ -213,7 +246,7 @@ def test_kernels_build_without_a_warning(name, way, caplog):
     scene, settings = BUILT[name]
     if way == "triangulated":
         settings = settings | {"pairing": "depth", "max_intervals": 90}
-    options = plan_of(scene, mb.Settings(**WAYS[way], **settings), *SIZE)[2].options
+    options = plan_of(scene, mb.Settings(**(WAYS[way] | settings)), *SIZE)[2].options
     device = runtime()
     fresh = f"-DNOT_IN_ANY_CACHE={os.getpid()}"  # what comes from a cache has no log
     others = ("analytic/paths.cl", "analytic/bin.cl") if name == "flat" else ()

@@ -9,6 +9,7 @@ import pytest
 
 import mbinterval
 from mbinterval import cli
+from mbinterval.aovs import AOVS
 from mbinterval.batch import plan_tasks
 from mbinterval.commands import make_job
 from mbinterval.errors import MbintervalError, Terminated, exit_code
@@ -23,7 +24,7 @@ def blocks(language):
 
 
 def test_its_commands_are_those_that_ci_runs_and_name_files_that_are_there(monkeypatch):
-    start, develop = blocks("sh")
+    start, develop, data = blocks("sh")
     assert start.startswith("python3 -m venv venv && . venv/bin/activate && pip install . && ")
     install, test = develop.strip().split(" && ")
     assert install.replace("install", "install --quiet") in (ROOT / ".ci" / "run").read_text()
@@ -31,6 +32,9 @@ def test_its_commands_are_those_that_ci_runs_and_name_files_that_are_there(monke
     render = shlex.split(start.strip().split(" && ")[-1])
     assert render[0] == "mbinterval"
     monkeypatch.chdir(ROOT)
+    example = make_job(cli._parser().parse_args(shlex.split(data)[1:]))
+    assert (len(example.frames), example.resolution) == (48, (640, 480))
+    assert {"sharp", "forward", "object"} <= set(example.settings.aovs)
     job = make_job(cli._parser().parse_args(render[1:]))
     assert job.scene.meshes
     assert [Path(output).suffix for output in job.outputs] == [".exr", ".png"]
@@ -51,10 +55,28 @@ def test_its_batch_is_one_that_can_be_run(monkeypatch):
 def test_its_python_example_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
-    (code,) = blocks("python")
+    code, data = blocks("python")
     exec(code, names)
     assert names["film"].rgba.shape == (240, 320, 4)
     assert (tmp_path / "triangle.exr").is_file()
+    scene = load_file(ROOT / "scenes" / "walking_fox.toml")
+    settings = mbinterval.Settings.from_mapping({**scene.settings, "samples": 1})
+    film = mbinterval.render(scene.scene, width=64, height=48, settings=settings)
+    film.write("render/walking_fox.0001.exr")
+    exec(data, names)
+    assert names["flow"].shape == (48, 64, 2)
+    assert 0.1 < names["fox"].mean() < 0.5
+    assert not np.array_equal(names["blurred"], names["sharp"])
+
+
+def test_its_table_of_layers_is_complete():
+    table = re.findall(r"^\| (\w+) \| `(\w+\.\w+)`((?: `\w+`)*) \|", README, re.MULTILINE)
+    documented = {}
+    for name, first, rest in table:
+        layer = first.split(".")[0]
+        others = [f"{layer}.{channel.strip('` ')}" for channel in rest.split()]
+        documented[name] = (first, *others)
+    assert documented == {name: aov.channels for name, aov in AOVS.items()}
 
 
 def test_its_scene_file_is_valid(tmp_path):
@@ -88,7 +110,7 @@ def test_its_tables_of_stages_are_what_renders_time():
         {"pattern": "sobol"},
         {"occlusion": 32},
         {"paths": "triangulated", "occlusion": 32},
-        {"samples": 1, "filter": "five_point"},
+        {"samples": 1, "filter": "five_point", "aovs": "depth"},
         {"method": "stochastic", "pattern": "rgss"},
     )
     for values in ways:

@@ -36,6 +36,8 @@ WRONG = {
     "slices": [0, 4097, 8.0, None],
     "slice_times": ["now", None],
     "statistics": [1, "all", None],
+    "aovs": ["depht", ["uv", 1], 3, "uv;depth", {"uv": 1}],
+    "aov_time": [-0.1, 1.1, None, "0.5", True, float("nan")],
 }
 
 
@@ -89,6 +91,8 @@ def test_every_occlusion_is_taken(value):
             ("filter_radius", "filter"),
             "has none",
         ),
+        ({"aovs": "sharp", "occlusion": 64}, ("aovs", "occlusion"), "a mask does not tell"),
+        ({"aovs": "operations", "paths": "triangulated"}, ("aovs", "paths"), "paths='exact'"),
     ],
 )
 def test_settings_that_do_not_go_together_name_both_and_the_remedy(values, names, remedy):

@@ -126,6 +126,14 @@ static bool gather_samples(const Tile *tile, Gather *g)
     }
 }
 
+// Count the tests of the samples at hand.
+static inline void count_tested(Tile *tile, const Gather *g)
+{
+#ifdef AOV_OPERATIONS
+    for (int i = 0; i < g->waiting; i++) tile->tested[g->samples[i]]++;
+#endif
+}
+
 static inline Place gathered_place(const Gather *g, int i)
 {
     Place place = {g->x[i], g->y[i], 0.0f, 0.0f};

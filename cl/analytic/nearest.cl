@@ -82,7 +82,10 @@ static bool nearest(Tile *tile)
         if (tile->shapes[tile->members[k]].near > far) break;
         fetch_ahead(tile, k);
         begin_gather(tile, tile->members[k], &g);
-        while (gather_samples(tile, &g)) nearest_of_gathered(tile, &g);
+        while (gather_samples(tile, &g)) {
+            count_tested(tile, &g);
+            nearest_of_gathered(tile, &g);
+        }
     }
     return true;
 }

@@ -24,6 +24,7 @@
 static inline Lanes part_light(const Tile *tile, const Shaded *s, Span span, int first, int n)
 {
 #ifdef SHUTTER_CURVE
+    if (span.t0 == span.t1) return LANE_INDEX < 1.0f ? (Lanes)(1.0f) : (Lanes)(0.0f);
     float light[LANES], step = (span.t1 - span.t0) / n;
     float before = light_until(&tile->scene, s->window, span.t0 + step * first);
     for (int i = 0; i < LANES; i++) {
@@ -49,10 +50,19 @@ static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Spa
 }
 #endif
 
-// Average colour of the span, from TEXTURE_SAMPLES places, sixteen at a time.
+// Number of places along a span at which its colour is found: one where it has no length.
+static inline int places_along(Span span)
+{
+#ifdef AOV_SHARP
+    if (span.t0 == span.t1) return 1;
+#endif
+    return TEXTURE_SAMPLES;
+}
+
+// Average colour of the span, from so many places, sixteen at a time.
 static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 {
-    const int n = TEXTURE_SAMPLES;
+    const int n = places_along(span);
     Varying v = prepare_varying(tile, s, span);
     float level = 0.0f;
 #ifdef TEXTURED
@@ -129,13 +139,37 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
     tile->depth[pixel] += weight_of(tile, sample) * depth;
 }
 
+#ifdef AOV_SHARP
+// Add what of the spans is seen at the moment: a span without length.
+static void add_moment(Tile *tile, int sample, int pixel, global const Span *spans, uint count)
+{
+    Place place = place_of(tile, sample);
+    float2 window = window_of(tile, sample);
+    float t = moment_in(window);
+    for (uint i = 0; i < count; i++) {
+        Span span = spans[i];
+        if (!(span.t0 <= t && t < span.t1)) continue;
+        span.t0 = span.t1 = t;
+        float3 color = span_color(tile, sample, span, place, window);
+        tile->sharp[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
+        return;
+    }
+}
+#endif
+
 // Add what a sample of the piece sees to its pixel.
 static void shade_sample(Tile *tile, int row, int column)
 {
     int sample = row * TILE + column, pixel = row % TILE * TILE + column;
+#ifdef AOV_OPERATIONS
+    tile->operations[pixel] += tile->tested[sample];
+#endif
 #ifdef MOVING
     Run run = tile->span_runs[sample];
     add_spans(tile, sample, pixel, tile->spans + run.start, run.count);
+#ifdef AOV_SHARP
+    add_moment(tile, sample, pixel, tile->spans + run.start, run.count);
+#endif
     tile->count[pixel] += tile->met[sample];
 #elif defined(STATIC) // an empty scene has neither
     if (!(tile->static_depth[sample] < INFINITY)) return;
@@ -144,6 +178,9 @@ static void shade_sample(Tile *tile, int row, int column)
     float3 color = span_color(tile, sample, always, place, window_of(tile, sample));
     tile->color[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
     tile->depth[pixel] += weight_of(tile, sample) * (float)tile->static_depth[sample];
+#ifdef AOV_SHARP
+    tile->sharp[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
+#endif
     tile->count[pixel]++;
 #endif
 }

@@ -166,6 +166,7 @@ static bool solve_gathered(Tile *tile, const Gather *g)
         back_lost |= (b[i][0] < 0.0) & (b[i][1] < 0.0) & (b[i][2] < 0.0);
     }
     tile->tests += g->waiting;
+    count_tested(tile, g);
     if (all(front_lost & back_lost)) return true;
     uint visits_before = tile->visit_count;
     Ranges ranges = {0.0, 1.0, 0.0, 1.0};

@@ -2,18 +2,18 @@
 // runs the stages on them in order; its scratch memory stays in cache and is bounded.
 //
 //     triangulated: place -> nearest -> rasterize -> intervals -> sort -> occlude
-//                   -> shade -> resolve
-//     exact:        place -> nearest -> solve -> envelope -> shade -> resolve, or mask for envelope
+//                   -> shade -> moment -> resolve
+//     exact:        place -> nearest -> solve -> envelope (or mask) -> shade -> moment -> resolve
 //
 // Stages between nearest and shade exist only where something moves, place only where samples lie
-// differently in every pixel. Nothing is lost when a pool is full: the piece of the tile at hand is
-// done again in halves. Only when a single row of samples does not fit is the tile given back to
-// the host, which has larger pools.
+// differently in every pixel, moment only where its layers are asked for. Nothing is lost when a
+// pool is full: the piece of the tile at hand is done again in halves. Only when a single row of
+// samples does not fit is the tile given back to the host, which has larger pools.
 #include "analytic/tile.h"
 #ifdef PLACED
 #include "analytic/place.cl"
 #endif
-#ifdef STATIC
+#if defined(STATIC) || defined(MOMENTARY)
 #include "analytic/nearest.cl"
 #endif
 #if defined(MOVING) && defined(EXACT)
@@ -30,11 +30,14 @@
 #include "analytic/occlude.cl"
 #endif
 #include "analytic/shade.cl"
+#ifdef MOMENTARY
+#include "analytic/moment.cl"
+#endif
 #include "analytic/resolve.cl"
 
 // What a work-item counts: ticks of each stage, and pairs that were tested and hit.
-enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, SHADE, RESOLVE,
-       TESTS, HITS,
+enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, SHADE, MOMENT,
+       RESOLVE, TESTS, HITS,
        COUNTERS };
 
 #ifdef CLANG_BUILTINS
@@ -56,6 +59,9 @@ static inline bool clocked(bool done, int stage, global ulong *ticks, ulong *clo
 static bool render_piece(Tile *tile, global ulong *ticks)
 {
     ulong clock = TICKS();
+#ifdef AOV_OPERATIONS
+    for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) tile->tested[i] = 0u;
+#endif
 #ifdef STATIC
     clocked(nearest(tile), NEAREST, ticks, &clock);
 #endif
@@ -114,6 +120,12 @@ static bool render_tile(Tile *tile, global ulong *ticks)
         tile->color[i] = 0.0f;
         tile->depth[i] = 0.0f;
         tile->count[i] = 0u;
+#ifdef AOV_SHARP
+        tile->sharp[i] = 0.0f;
+#endif
+#ifdef AOV_OPERATIONS
+        tile->operations[i] = 0u;
+#endif
     }
     for (tile->layer = 0; tile->layer < SAMPLES; tile->layer += LAYERS) {
         int rows = min(LAYERS, SAMPLES - tile->layer) * TILE;
@@ -158,6 +170,18 @@ kernel void tile(
     global const uint *starts, global const uint *members, global const uint *queue,
     global uint *next, global uint *failed, global uint *samples, global float4 *pixels,
     global ulong *counters, global float4 *rgba, global float *depth, global uint *met,
+#ifdef AOV_SHARP
+    global float4 *sharp,
+#endif
+#if defined(MOMENTARY) || defined(AOV_OPERATIONS)
+    global uint *planes,
+#endif
+#ifdef AOV_FORWARD
+    global const double *forward,
+#endif
+#ifdef AOV_BACKWARD
+    global const double *backward,
+#endif
 #ifdef EXACT
     global const Depth *depths, global Visit *visits, global Front *fronts, global Front *merged,
     global float *ordering,
@@ -211,6 +235,23 @@ kernel void tile(
     };
     tile.depth = (global float *)(tile.color + TILE * TILE);
     tile.count = (global uint *)(tile.depth + TILE * TILE);
+    Aovs aovs = {.size = (size_t)frame.width * frame.height};
+#if defined(MOMENTARY) || defined(AOV_OPERATIONS)
+    aovs.planes = planes;
+#endif
+#ifdef AOV_SHARP
+    tile.sharp = tile.color + 2 * TILE * TILE, aovs.sharp = sharp;
+#endif
+#ifdef AOV_OPERATIONS
+    tile.tested = per_sample + 18 * ROWS * TILE;
+    tile.operations = tile.count + TILE * TILE;
+#endif
+#ifdef AOV_FORWARD
+    aovs.forward = forward;
+#endif
+#ifdef AOV_BACKWARD
+    aovs.backward = backward;
+#endif
 #ifdef EXACT
     tile.depths = depths;
 #endif
@@ -232,7 +273,11 @@ kernel void tile(
         failed[index] = !done;
         if (!done) continue;
         ulong clock = TICKS();
-        resolve(&tile, frame, background, rgba, depth, met);
+#ifdef MOMENTARY
+        moment(&tile, frame, aovs);
+        clocked(true, MOMENT, counters, &clock);
+#endif
+        resolve(&tile, frame, background, rgba, depth, met, aovs);
         clocked(true, RESOLVE, counters, &clock);
     }
 #ifdef EXACT

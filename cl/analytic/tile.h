@@ -10,20 +10,29 @@
 // EXACT, STATIC, SINGLE_SIDED, PHONG, POINT_LIGHTS, TEXTURED, VERTEX_COLOR,
 // BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie
 // differently in every pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED,
-// SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS.
+// SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS; AOV_TIME and the layers of aov.h.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
 #include "shared/scene.h"
 #include "shared/lanes.h"
+#include "analytic/aov.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
 #define ROWS (LAYERS * TILE)
-#define SAMPLE_WORDS 18 // scratch words per sample: static_depth ... still
+#ifdef AOV_OPERATIONS
+#define SAMPLE_WORDS 19 // scratch words per sample: static_depth ... still, tested
+#else
+#define SAMPLE_WORDS 18
+#endif
 #define SORT_ARRAYS 9
 #define ORDER_ARRAYS 5
-#define PIXEL_VECTORS 2 // scratch float4s per pixel: color; depth, count
+#ifdef AOV_SHARP
+#define PIXEL_VECTORS 3 // scratch float4s per pixel: color; depth, count, operations; sharp
+#else
+#define PIXEL_VECTORS 2
+#endif
 
 typedef struct {
     Scene scene;
@@ -75,6 +84,13 @@ typedef struct {
     global float4 *color;        // per pixel: sums over samples, alpha last
     global float *depth;
     global uint *count;          // intervals met
+#ifdef AOV_SHARP
+    global float4 *sharp;        // per pixel: sums over samples at the moment, alpha last
+#endif
+#ifdef AOV_OPERATIONS
+    global uint *tested;         // paths that each sample was tested against
+    global uint *operations;     // per pixel
+#endif
 } Tile;
 
 // Ask for a cache line ahead of its use.

@@ -44,7 +44,7 @@ static inline uint attribute_index(const Shaded *s, uint base, uint step, int co
     return base + within + (step == 0 ? 0u : (s->segment + corner / 3) * s->mesh.count);
 }
 
-#ifdef PHONG
+#if defined(PHONG) || defined(AOV_NORMAL)
 static inline global const Camera *segment_camera(const Scene *scene, const Shaded *s, int end)
 {
     return scene->cameras + s->mesh.camera

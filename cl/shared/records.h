@@ -54,7 +54,8 @@ typedef struct {
 static inline float path_length(Path path) { return path.close - path.open; }
 
 // What the mesh of a path says: where its attributes are (NONE where it has none), how many
-// vertices lie between two times of an attribute (0 where it is constant).
+// vertices lie between two times of an attribute (0 where it is constant). Of all meshes' vertices,
+// each counted once, its own begin at `first`.
 typedef struct {
     uint vertex, count;
     uint uv, uv_step;
@@ -62,6 +63,7 @@ typedef struct {
     uint color, color_step;
     uint material;
     uint camera;
+    uint first;
 } Mesh;
 
 #define NONE 0xffffffffu

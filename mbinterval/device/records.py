@@ -25,7 +25,7 @@ PATH = np.dtype(
 MESH = np.dtype(
     [("vertex", "u4"), ("count", "u4"), ("uv", "u4"), ("uv_step", "u4")]
     + [("normal", "u4"), ("normal_step", "u4"), ("color", "u4"), ("color_step", "u4")]
-    + [("material", "u4"), ("camera", "u4")]
+    + [("material", "u4"), ("camera", "u4"), ("first", "u4")]
 )
 MATERIAL = np.dtype(
     [("specular", "f4", 3), ("shininess", "f4"), ("flags", "u4"), ("texture", "u4")]

@@ -210,7 +210,7 @@ def _overridden(mesh: Mesh, item: ObjectTable, texture: Texture | None) -> Mesh:
     return dataclasses.replace(
         mesh,
         name=mesh.name if mesh.name == item.name else name,
-        material=_material(mesh.material or Material(), item.material, texture),
+        material=_material(mesh.material or Material(item.name), item.material, texture),
         motion_segments=item.motion_segments or mesh.motion_segments,
         motion_blur=item.motion_blur and mesh.motion_blur,
         shutter_scale=mesh.shutter_scale if item.shutter_scale is None else item.shutter_scale,

@@ -12,5 +12,6 @@ kernel void resolve_tile(int x, int y, int x_low, int x_high, int y_low, int y_h
     tile.color = color, tile.depth = depth, tile.count = count;
     Frame frame = {film[0], film[1], film[2], film[3],
                    {background[0], background[1], background[2]}};
-    resolve(&tile, frame, background, rgba, out_depth, met);
+    Aovs aovs = {.size = 0};
+    resolve(&tile, frame, background, rgba, out_depth, met, aovs);
 }

@@ -1,0 +1,49 @@
+// What a render finds besides its image: planes of 32-bit words, one for each channel, one after
+// the other in the order of mbinterval/aovs.py. The plan defines a macro for each layer that is
+// asked for; AOV_MESH is where both objects and materials come from.
+#ifndef MB_AOV_H
+#define MB_AOV_H
+
+enum {
+#ifdef AOV_DEPTH
+    PLANE_DEPTH,
+#endif
+#ifdef AOV_NORMAL
+    PLANE_NORMAL, PLANE_NORMAL_Y, PLANE_NORMAL_Z,
+#endif
+#ifdef AOV_UV
+    PLANE_UV, PLANE_UV_V,
+#endif
+#ifdef AOV_FORWARD
+    PLANE_FORWARD, PLANE_FORWARD_V,
+#endif
+#ifdef AOV_BACKWARD
+    PLANE_BACKWARD, PLANE_BACKWARD_V,
+#endif
+#ifdef AOV_MESH
+    PLANE_MESH,
+#endif
+#ifdef AOV_OPERATIONS
+    PLANE_OPERATIONS,
+#endif
+    PLANES
+};
+
+// What goes with them; what is not asked for is not there.
+typedef struct {
+    size_t size;                   // words of a plane: pixels of the film
+#if defined(MOMENTARY) || defined(AOV_OPERATIONS)
+    global uint *planes;
+#endif
+#ifdef AOV_SHARP
+    global float4 *sharp;          // the film at the moment
+#endif
+#ifdef AOV_FORWARD
+    global const double *forward;  // where vertices are in the next frame, x w, y w and w
+#endif
+#ifdef AOV_BACKWARD
+    global const double *backward; // in the one before
+#endif
+} Aovs;
+
+#endif

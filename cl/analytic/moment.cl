@@ -1,0 +1,264 @@
+// Stage "moment": what the centre of each pixel sees at one moment of the shutter, through the
+// middle of the lens: depth, normal, texture coordinates, where it goes, and which mesh it is.
+//
+// Most patterns have no sample at the centre, and a sample more would be solved over the whole
+// shutter for one moment of it. So the triangles of all motion paths are frozen at the moment, and
+// the z-buffer of what does not move ("nearest") takes them too. It comes last: that is free then.
+#include "analytic/film.h"
+#include "analytic/gather.h"
+#include "analytic/shutter.h"
+#include "analytic/surface_color.h"
+
+// Rows and columns of a tile, low <= x < high.
+typedef struct {
+    int x_low, x_high, y_low, y_high;
+} Box;
+
+static inline Place centre_of(const Tile *tile, int x, int y)
+{
+    Place place = {tile->x + x + 0.5f, tile->y + y + 0.5f, 0.0f, 0.0f};
+    return place;
+}
+
+static inline float moment_at(const Tile *tile, int x, int y)
+{
+    return moment_in(line_window(&tile->scene, tile->x + x, tile->y + y));
+}
+
+// Time within the path's motion segment; 0 where nothing moves.
+static inline double local_moment(Path path, float t)
+{
+    return path.step == 0 ? 0.0 : ((double)t - path.open) / path_length(path);
+}
+
+// The triangle as it is at `tau`, at both ends. The same bits for each vertex of neighbours.
+static void freeze_triangle(const MovingTriangle *m, double tau, MovingTriangle *frozen)
+{
+    frozen->reversed = m->reversed;
+    for (int i = 0; i < 3; i++) {
+        frozen->x[i] = frozen->x[i + 3] = m->x[i] + tau * (m->x[i + 3] - m->x[i]);
+        frozen->y[i] = frozen->y[i + 3] = m->y[i] + tau * (m->y[i + 3] - m->y[i]);
+        frozen->w[i] = frozen->w[i + 3] = m->w[i] + tau * (m->w[i + 3] - m->w[i]);
+#ifdef LENS
+        frozen->circle[i] = frozen->circle[i + 3] = 0.0;
+#endif
+    }
+}
+
+// First of the pixels from `low` to `high` whose centre is at `place` or beyond, `origin` being
+// where pixel 0 begins.
+static inline int pixel_from(double place, int origin, int low, int high)
+{
+    return (int)clamp(ceil(place - 0.5 - origin), (double)low, (double)high);
+}
+
+// The part of the box whose pixels' centres the triangle may cover.
+static Box box_of(const Tile *tile, const MovingTriangle *m, Box box)
+{
+    const double slack = 1e-6; // pixels; more than rounding
+    double3 low = INFINITY, high = -INFINITY;
+    for (int i = 0; i < 3; i++) {
+        if (!(m->w[i] > 0.0)) return box;
+        double3 at = (double3)(m->x[i] / m->w[i], m->y[i] / m->w[i], 0.0);
+        low = fmin(low, at), high = fmax(high, at);
+    }
+    box.x_low = pixel_from(low.x - slack, tile->x, box.x_low, box.x_high);
+    box.x_high = pixel_from(high.x + slack, tile->x, box.x_low, box.x_high);
+    box.y_low = pixel_from(low.y - slack, tile->y, box.y_low, box.y_high);
+    box.y_high = pixel_from(high.y + slack, tile->y, box.y_low, box.y_high);
+    return box;
+}
+
+// The path as it is at `t` into the z-buffer of the box.
+static void see_frozen(Tile *tile, const MovingTriangle *moving, Gather *g, float t, Box box)
+{
+    bool there = g->path.step == 0 || (g->path.open <= t && t < g->path.close);
+    if (!there) return;
+    freeze_triangle(moving, local_moment(g->path, t), &g->triangle);
+    box = box_of(tile, &g->triangle, box);
+    g->waiting = 0;
+    for (int y = box.y_low; y < box.y_high; y++)
+        for (int x = box.x_low; x < box.x_high; x++) {
+            Place place = centre_of(tile, x, y);
+            g->samples[g->waiting] = y * TILE + x;
+            g->x[g->waiting] = place.x, g->y[g->waiting] = place.y;
+            if (++g->waiting < WIDE) continue;
+            nearest_of_gathered(tile, g);
+            g->waiting = 0;
+        }
+    if (g->waiting > 0) nearest_of_gathered(tile, g);
+}
+
+static void see_path(Tile *tile, uint path, Gather *g)
+{
+    begin_gather(tile, path, g);
+    MovingTriangle moving = g->triangle;
+    Box box = {tile->x_low, tile->x_high, tile->y_low, tile->y_high};
+#if defined(ROLLING_COLUMNS)
+    for (int x = tile->x_low; x < tile->x_high; x++) {
+        box.x_low = x, box.x_high = x + 1;
+        see_frozen(tile, &moving, g, moment_at(tile, x, 0), box);
+    }
+#elif defined(ROLLING)
+    for (int y = tile->y_low; y < tile->y_high; y++) {
+        box.y_low = y, box.y_high = y + 1;
+        see_frozen(tile, &moving, g, moment_at(tile, 0, y), box);
+    }
+#else
+    see_frozen(tile, &moving, g, moment_at(tile, 0, 0), box);
+#endif
+}
+
+// What a pixel's centre sees: a path at a time within its motion segment, and the shares of its
+// three vertices, which are those in the world.
+typedef struct {
+    Shaded shaded;
+    double tau, depth;
+    double share[3];
+    bool from_behind;
+} Seen;
+
+static Seen see_again(const Tile *tile, int x, int y)
+{
+    int pixel = y * TILE + x;
+    uint index = tile->static_part[pixel] >> PART_BITS;
+    Place place = centre_of(tile, x, y);
+    Seen seen = {.shaded = load_shaded(tile, index), .depth = tile->static_depth[pixel]};
+    Shaded *s = &seen.shaded;
+    s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
+    seen.tau = local_moment(s->path, moment_at(tile, x, y));
+    MovingTriangle moving, frozen;
+    load_moving(tile->scene.vertices, s->path, tile->shapes[index].flags, &moving);
+    freeze_triangle(&moving, seen.tau, &frozen);
+    double sum = 0.0;
+    for (int i = 0; i < 3; i++) {
+        double b[3];
+        edge_function(&frozen, i, place, b);
+        seen.share[i] = b[0], sum += b[0];
+    }
+    for (int i = 0; i < 3; i++) seen.share[i] = sum != 0.0 ? seen.share[i] / sum : 1.0 / 3.0;
+    seen.from_behind = sum > 0.0;
+    return seen;
+}
+
+// Vertex i's attribute, at both ends of the segment, as it counts at the moment.
+static inline double2 corner_weights(const Seen *seen, int i)
+{
+    return seen->share[i] * (double2)(1.0 - seen->tau, seen->tau);
+}
+
+#ifdef AOV_NORMAL
+// Unit normal in the world, on the side of a two-sided surface that is seen.
+static double3 normal_of(const Tile *tile, const Seen *seen)
+{
+    const Scene *scene = &tile->scene;
+    const Shaded *s = &seen->shaded;
+    double3 normal = 0.0;
+    if (s->mesh.normal == NONE)
+        normal = (1.0 - seen->tau) * convert_double3(face_normal(scene, s, 0))
+                 + seen->tau * convert_double3(face_normal(scene, s, 1));
+    else
+        for (int i = 0; i < 6; i++) {
+            uint at = attribute_index(s, s->mesh.normal, s->mesh.normal_step, i);
+            double2 weights = corner_weights(seen, i % 3);
+            normal += (i < 3 ? weights.x : weights.y)
+                      * convert_double3(vload3(at, scene->normals));
+        }
+    double size = sqrt(normal.x * normal.x + normal.y * normal.y + normal.z * normal.z);
+    bool turned = seen->from_behind && !(s->material.flags & MATERIAL_SINGLE_SIDED);
+    return size > 0.0 ? normal * ((turned ? -1.0 : 1.0) / size) : normal;
+}
+#endif
+
+#ifdef AOV_UV
+static double2 uv_of(const Tile *tile, const Seen *seen)
+{
+    const Shaded *s = &seen->shaded;
+    double2 uv = 0.0;
+    if (s->mesh.uv == NONE) return uv;
+    for (int i = 0; i < 6; i++) {
+        uint at = attribute_index(s, s->mesh.uv, s->mesh.uv_step, i);
+        double2 weights = corner_weights(seen, i % 3);
+        uv += (i < 3 ? weights.x : weights.y) * convert_double2(vload2(at, tile->scene.uvs));
+    }
+    return uv;
+}
+#endif
+
+#if defined(AOV_FORWARD) || defined(AOV_BACKWARD)
+// From the pixel's centre to where `places`, of the vertices in another frame, take the point.
+static double2 flow_of(const Seen *seen, Place from, global const double *places)
+{
+    const Shaded *s = &seen->shaded;
+    double3 point = 0.0;
+    for (int i = 0; i < 3; i++)
+        point += seen->share[i] * vload3(attribute_index(s, s->mesh.first, 0u, i), places);
+    if (!(point.z > 0.0)) return (double2)(NAN);
+    return (double2)(point.x / point.z - from.x, point.y / point.z - from.y);
+}
+#endif
+
+static inline void store_float(Aovs aovs, int plane, size_t pixel, double value)
+{
+    aovs.planes[plane * aovs.size + pixel] = as_uint((float)value);
+}
+
+static inline void store_pair(Aovs aovs, int plane, size_t pixel, double2 value)
+{
+    store_float(aovs, plane, pixel, value.x);
+    store_float(aovs, plane + 1, pixel, value.y);
+}
+
+static void store_seen(const Tile *tile, int x, int y, size_t out, Aovs aovs)
+{
+    Seen seen = see_again(tile, x, y);
+#ifdef AOV_DEPTH
+    store_float(aovs, PLANE_DEPTH, out, seen.depth);
+#endif
+#ifdef AOV_NORMAL
+    double3 normal = normal_of(tile, &seen);
+    store_pair(aovs, PLANE_NORMAL, out, normal.xy);
+    store_float(aovs, PLANE_NORMAL_Z, out, normal.z);
+#endif
+#ifdef AOV_UV
+    store_pair(aovs, PLANE_UV, out, uv_of(tile, &seen));
+#endif
+#ifdef AOV_FORWARD
+    store_pair(aovs, PLANE_FORWARD, out, flow_of(&seen, centre_of(tile, x, y), aovs.forward));
+#endif
+#ifdef AOV_BACKWARD
+    store_pair(aovs, PLANE_BACKWARD, out, flow_of(&seen, centre_of(tile, x, y), aovs.backward));
+#endif
+#ifdef AOV_MESH
+    aovs.planes[PLANE_MESH * aovs.size + out] = seen.shaded.path.mesh + 1u;
+#endif
+}
+
+// Where nothing is seen.
+static void store_nothing(size_t out, Aovs aovs)
+{
+    for (int plane = 0; plane < PLANES; plane++) aovs.planes[plane * aovs.size + out] = 0u;
+#ifdef AOV_DEPTH
+    store_float(aovs, PLANE_DEPTH, out, INFINITY);
+#endif
+}
+
+// The layers of the tile's pixels; "operations" among the planes is not of this stage.
+static void moment(Tile *tile, Frame frame, Aovs aovs)
+{
+    tile->row_low = 0, tile->row_high = TILE;
+    for (int i = 0; i < TILE * TILE; i++) tile->static_depth[i] = INFINITY;
+    Gather g;
+    clear_gather(&g);
+    double far = INFINITY;
+    for (uint k = 0; k < tile->member_count; k++) {
+        if (k % PATHS_BETWEEN == 0) far = farthest_surface(tile);
+        if (tile->shapes[tile->members[k]].near <= far) see_path(tile, tile->members[k], &g);
+    }
+    for (int y = tile->y_low; y < tile->y_high; y++)
+        for (int x = tile->x_low; x < tile->x_high; x++) {
+            size_t out = (size_t)(tile->y + y - frame.y) * frame.width + (tile->x + x - frame.x);
+            if (tile->static_depth[y * TILE + x] < INFINITY) store_seen(tile, x, y, out, aovs);
+            else store_nothing(out, aovs);
+        }
+}
