@@ -20,7 +20,7 @@ from mbinterval.motion import Motion
 from mbinterval.plan import Plan
 from mbinterval.scene.exposure import Exposure
 from mbinterval.scene.model import Texture
-from mbinterval.work import FILM_BYTES, tile_grid
+from mbinterval.work import film_bytes, tile_grid
 
 _TEXEL = 16
 _ORDER = 4
@@ -34,9 +34,8 @@ def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
     paths = _path_bytes(len(motion.paths), motion.vertex_count, method, plan.exact)
     given = sum(getattr(motion, name).nbytes for name in _MOTION) - motion.paths.nbytes
     given += sum(places.nbytes for places in motion.places.values())
-    cropped, pixels = plan.crop[2] * plan.crop[3], plan.region[2] * plan.region[3]
-    film = FILM_BYTES * pixels + (16 * cropped if "share" in plan.stages else 0)
-    film += sum(tiles.layer_bytes(plan).values())
+    cropped = plan.crop[2] * plan.crop[3]
+    film = film_bytes(plan) + (16 * cropped if "share" in plan.stages else 0)
     if "-DBACKGROUND_IMAGE" in plan.options:
         film += 12 * cropped
     _, _, columns, rows = tile_grid(plan)
@@ -110,10 +109,8 @@ def check_memory(motion: Motion, plan: Plan, memory: int | None) -> None:
     if plan.memory is None or memory is None:
         return
     sizes = buffer_bytes(motion, plan, workers=1)
-    # On the host: positions that were joined, records of paths that are put into order, the film
-    # and its layers.
-    host = motion.positions.nbytes + FILM_BYTES * plan.region[2] * plan.region[3]
-    host += sum(tiles.layer_bytes(plan).values())
+    # On the host: positions that were joined, records of paths that are put into order, the film.
+    host = motion.positions.nbytes + film_bytes(plan)
     method = plan.settings.method
     ordered = len(motion.paths) * _found(method).itemsize
     least = sizes["pools"] if method != "analytic" else tiles.least_pools(plan)

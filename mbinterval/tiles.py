@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.aovs import plane_count
 from mbinterval.device import records
 from mbinterval.device.runtime import seconds
 from mbinterval.errors import CapacityError
@@ -19,6 +18,7 @@ from mbinterval.work import (
     add_counts,
     frame_record,
     in_parts,
+    layer_bytes,
     memory_room,
     packed,
     tile_grid,
@@ -109,13 +109,6 @@ def _allocate(work: Work, workers: int) -> None:
     }
     for name, size in sizes.items():
         work.buffers[name] = work.runtime.allocate(size, name)
-
-
-def layer_bytes(plan: Plan) -> dict[str, int]:
-    """Bytes of the buffers that hold the layers asked for."""
-    pixels, asked = plan.region[2] * plan.region[3], plan.settings.aovs
-    sizes = {"sharp": 16 * pixels * ("sharp" in asked), "planes": 4 * pixels * plane_count(asked)}
-    return {name: size for name, size in sizes.items() if size}
 
 
 def pools(plan: Plan) -> dict[str, np.dtype[np.void]]:

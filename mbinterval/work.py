@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.aovs import plane_count
 from mbinterval.appearance import appearance, fit_background
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, seconds
@@ -22,8 +23,7 @@ from mbinterval.plan import Crop, Plan, shutter_keys
 from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
 
-FILM_BYTES = 24
-"""Bytes of a pixel of the film: colour, depth, intervals."""
+_FILM_BYTES = 24  # of a pixel: colour, depth, intervals
 
 _BIN_CHUNKS = 64
 _SECONDS_AT_A_TIME = 0.5
@@ -156,6 +156,18 @@ def list_paths(
     return np.asarray(np.diff(starts.astype(np.int64)))
 
 
+def layer_bytes(plan: Plan) -> dict[str, int]:
+    """Bytes of the buffers that hold the layers asked for."""
+    pixels, asked = plan.region[2] * plan.region[3], plan.settings.aovs
+    sizes = {"sharp": 16 * pixels * ("sharp" in asked), "planes": 4 * pixels * plane_count(asked)}
+    return {name: size for name, size in sizes.items() if size}
+
+
+def film_bytes(plan: Plan) -> int:
+    """Bytes of the film with its layers, on the device and again on the host."""
+    return _FILM_BYTES * plan.region[2] * plan.region[3] + sum(layer_bytes(plan).values())
+
+
 def memory_room(work: Work, besides: Container[str] = ()) -> int:
     """Bytes that are left beside all buffers, but for those named, and the film on the host.
 
@@ -166,8 +178,7 @@ def memory_room(work: Work, besides: Container[str] = ()) -> int:
         return int(room)
     kept = [item for name, item in work.buffers.items() if name not in besides]
     used = sum(getattr(item, "size", 0) for item in kept)
-    film = FILM_BYTES * work.plan.region[2] * work.plan.region[3]
-    return int(min(room, work.plan.memory - used - film))
+    return int(min(room, work.plan.memory - used - film_bytes(work.plan)))
 
 
 def _check_members(work: Work, size: int) -> None:
