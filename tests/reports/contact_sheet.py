@@ -2,9 +2,9 @@
 
     python tests/reports/contact_sheet.py FOLDER SHEET.png [--columns 5]
 
-Every glTF, USD, OBJ and PLY file below the folder is loaded and rendered as `mbinterval render MODEL`
-would, 0.37 seconds into its first clip. Of each folder one model is taken. What can't be rendered has
-its reason printed, and the sheet is made of the rest.
+Every glTF, USD, OBJ and PLY file below the folder is loaded and rendered as `mbinterval render
+MODEL` would, 0.37 seconds into its first clip. Of each folder one model is taken. What can't be
+rendered has its reason printed, and the sheet is made of the rest.
 """
 
 from __future__ import annotations
