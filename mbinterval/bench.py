@@ -1,4 +1,4 @@
-"""Benchmarks: named settings on scenes, in rounds that interleave them, as a table and as JSON.
+"""Benchmarks: settings on scenes, in rounds that interleave them, as a table and as JSON.
 
 Seconds are wall clock from the scene in host memory to the film in host memory, with kernels
 built. Each round renders every row once, so that what else the machine does falls on all rows
@@ -7,6 +7,7 @@ alike: ratios within one run say more than seconds do.
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import logging
 import os
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import mbinterval
 from mbinterval.bench_cases import Case
@@ -34,7 +36,7 @@ from mbinterval.device.meter import (
 )
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
-from mbinterval.settings import Settings
+from mbinterval.settings import Settings, methods_of
 from mbinterval.stochastic_plan import sample_count
 
 _log = logging.getLogger(__name__)
@@ -51,10 +53,26 @@ ROWS: dict[str, dict[str, Any]] = {
     "exact 4": {**_EXACT, "samples": 4},
     "hong-oh": {**_EXACT, "paths": "triangulated", "occlusion": 128, "samples": 1},
 }
-"""Settings of each row of the table by its name; a scene file's other settings stay."""
+"""Settings of the rows of the table by name, where no others are asked for."""
 
-_OWN = ("pairing", "partial_bits", "max_intervals", "pattern", "filter_radius")
-"""Settings of a scene file that give way to the rows', beside those that rows name."""
+EQUAL_ERROR = "equal error"
+"""Row: the stochastic method at the fewest samples that come as near to the reference as the first
+row does."""
+
+_MORE_ROWS: dict[str, dict[str, Any]] = {
+    **{f"point samples {n}": {"method": "stochastic", "samples": n} for n in (64, 256, 1024)},
+    **{
+        f"z-buffer {n}": {"method": "accumulation", "slices": 1, "pattern": "fixed", "samples": n}
+        for n in (1, 4)
+    },
+    EQUAL_ERROR: {"method": "stochastic"},
+}
+
+_KEPT = ("motion_segments", "motion_error", "texture_samples", "seed", "transparent")
+"""Settings of a scene file that stay in a row whose method has them; the others are the row's."""
+
+_MOST_SAMPLES = 4096
+_BISECTIONS = 3
 
 
 def measure(
@@ -67,12 +85,14 @@ def measure(
 ) -> dict[str, Any]:
     """Measure ``rows`` on ``cases``; the result can be stored as JSON.
 
-    Rows are names in ``ROWS``, or settings by name. ``figures`` gives further entries of a row,
-    from its name and its last film. ``device`` may be a ``MeteredRuntime``, which keeps its
-    kernels. With ``brevity`` slow rows are rendered less often, or left out.
+    Rows are names that `row_names` has, or settings as `settings_text` writes them, such as
+    ``method="stochastic", samples=64``, or a mapping of names to settings. ``figures`` gives
+    further entries of a row, from its name and its last film. ``device`` may be a
+    ``MeteredRuntime``, which keeps its kernels. With ``brevity`` slow rows are rendered less often,
+    or left out.
 
-    A row that a scene does not allow, such as triangulated paths with a lens, has an ``error``
-    and no figures. Times are in seconds, sizes in bytes, shares and ratios are fractions:
+    A row that a scene does not allow, such as triangulated paths with a lens, has an ``error`` and
+    no figures. Times are in seconds, sizes in bytes, shares and ratios are fractions:
 
     ``first`` (the render that builds kernels and warms up; with ``brevity`` of a few pixels),
     ``build`` (the part of it that compilers took), ``transfer`` (median of the part of a render in
@@ -80,12 +100,13 @@ def measure(
     (distance of the quartiles over the median), ``seconds`` of each round, ``processor`` (median of
     the process's processor seconds, all cores together, which other load on the machine changes
     less), ``stages`` (medians by stage; ``host`` is the rest), ``ratio`` (to the first row),
-    ``tests`` and ``hits`` (exact paths), ``intervals`` (met per sample), ``moved`` (bytes, see
-    `mbinterval.device.meter.moved_bytes`), ``bandwidth`` (bytes moved per second over the device's
-    copy bandwidth), ``memory`` (most resident bytes of the process during a render), ``buffers``
-    (bytes of the device's named buffers), ``rmse`` (over linear RGB, where there is a reference).
+    ``tests`` and ``hits`` (exact paths), ``memory`` (most resident bytes of the process during a
+    render), ``buffers`` (bytes of the device's named buffers), ``rmse`` (over linear RGB, where
+    there is a reference). Of the analytic method: ``intervals`` (met per sample), ``moved`` (bytes,
+    see `mbinterval.device.meter.moved_bytes`) and ``bandwidth`` (bytes moved per second over the
+    device's copy bandwidth); of the others ``rate``, samples per second of the median.
     """
-    named = rows if isinstance(rows, Mapping) else {row: _row(row) for row in rows}
+    named = rows if isinstance(rows, Mapping) else {row: _values_of(row) for row in rows}
     made = isinstance(device, MeteredRuntime)
     meter = device if made else MeteredRuntime(choose_device(device))
     load = os.getloadavg()[0]
@@ -117,10 +138,9 @@ def measure(
     }
 
 
-def _row(name: str) -> Mapping[str, Any]:
-    if name not in ROWS:
-        raise UsageError(f"row {name!r}: unknown, {nearest(name, ROWS)}")
-    return ROWS[name]
+def row_names() -> tuple[str, ...]:
+    """Return the names of all rows that have one."""
+    return (*ROWS, *_MORE_ROWS)
 
 
 @dataclass(frozen=True)
@@ -143,13 +163,13 @@ class Brevity:
 
 @dataclass(eq=False)
 class _Samples:
-    """What the rounds of one row gave so far."""
+    """What the rounds of one row gave so far; bytes moved of the analytic method only."""
 
     settings: Settings
     film: Film
     first: float
     built: float
-    moved: int = 0
+    moved: int | None = None
     buffers: int = 0
     seconds: list[float] = field(default_factory=list)
     processor: list[float] = field(default_factory=list)
@@ -175,7 +195,10 @@ def _measure_rows(
                 reason = brevity.leave_out(row, taken)
                 if reason is not None:
                     raise UsageError(reason)
-            samples[row] = _begun(case, _settings_of(case, values), meter, brevity is not None)
+            settings = _settings_of(case, values)
+            if row == EQUAL_ERROR:
+                settings = _with_equal_error(case, settings, samples, meter)
+            samples[row] = _begun(case, settings, meter, brevity is not None)
         except UsageError as error:
             results[row] = {"name": row, "error": str(error)}
     for _ in range(rounds):
@@ -192,6 +215,36 @@ def _measure_rows(
     return [results[row] for row in rows]
 
 
+def _with_equal_error(
+    case: Case, settings: Settings, before: Mapping[str, _Samples], meter: MeteredRuntime
+) -> Settings:
+    """Find the fewest samples, to an eighth, whose error is not above that of the first row.
+
+    Their number is doubled until it suffices; then the interval is halved.
+    """
+    first = next(iter(before.values()), None)
+    if case.reference is None or first is None:
+        raise UsageError(f"row {EQUAL_ERROR!r}: needs a reference, and a row before it to equal")
+    reference, most = case.reference, _rmse(first.film, case.reference)
+
+    def suffices(count: int) -> bool:
+        film = _render(case, dataclasses.replace(settings, samples=count), meter)
+        return _rmse(film, reference) <= most
+
+    enough = 1
+    while not suffices(enough):
+        enough *= 2
+        if enough > _MOST_SAMPLES:
+            raise UsageError(f"row {EQUAL_ERROR!r}: {_MOST_SAMPLES} samples do not suffice")
+    too_few = enough // 2
+    for _ in range(_BISECTIONS):
+        middle = (too_few + enough) // 2
+        if middle <= too_few:
+            break
+        too_few, enough = (too_few, middle) if suffices(middle) else (middle, enough)
+    return dataclasses.replace(settings, samples=enough)
+
+
 def _begun(case: Case, settings: Settings, meter: MeteredRuntime, brief: bool) -> _Samples:
     """Build the kernels of a row: by a render, or by one of a few pixels and then its first."""
     meter.clear()
@@ -201,7 +254,8 @@ def _begun(case: Case, settings: Settings, meter: MeteredRuntime, brief: bool) -
     of = _Samples(settings, film, time.perf_counter() - started, meter.building)
     if brief:
         _time(case, of, meter)
-    of.moved = moved_bytes(meter, of.film, settings)
+    if settings.method == "analytic":
+        of.moved = moved_bytes(meter, of.film, settings)
     of.buffers = sum(meter.uploaded.values()) + sum(meter.allocated.values())
     return of
 
@@ -243,7 +297,6 @@ def _result(case: Case, of: _Samples, copied: float) -> dict[str, Any]:
         seconds - sum(s.values()) for seconds, s in zip(of.seconds, of.stages, strict=True)
     )
     film = of.film
-    count = film.intervals.size * sample_count(of.settings)
     result = {
         "settings": settings_text(of.settings),
         "first": of.first,
@@ -255,17 +308,26 @@ def _result(case: Case, of: _Samples, copied: float) -> dict[str, Any]:
         "seconds": of.seconds,
         "processor": statistics.median(of.processor),
         "stages": {**stages, "host": spent},
-        "intervals": float(film.intervals.sum(dtype=np.int64)) / count,
-        "moved": of.moved,
-        "bandwidth": of.moved / median / copied,
         "memory": of.memory,
         "buffers": of.buffers,
         **film.stats,
     }
+    count = of.film.intervals.size * sample_count(of.settings)
+    if of.moved is None:
+        result["rate"] = count / median
+    else:
+        result["intervals"] = float(of.film.intervals.sum(dtype=np.int64)) / count
+        result["moved"] = of.moved
+        result["bandwidth"] = of.moved / median / copied
     if case.reference is not None:
-        difference = film.rgba[..., :3].astype(np.float64) - case.reference
-        result["rmse"] = float(np.sqrt(np.mean(difference**2)))
+        result["rmse"] = _rmse(of.film, case.reference)
     return result
+
+
+def _rmse(film: Film, reference: NDArray[np.float32]) -> float:
+    """Error over linear RGB."""
+    difference = film.rgba[..., :3].astype(np.float64) - reference
+    return float(np.sqrt(np.mean(difference**2)))
 
 
 def settings_text(settings: Settings) -> str:
@@ -278,8 +340,34 @@ def settings_text(settings: Settings) -> str:
     return ", ".join(f"{name}={value!r}".replace("'", '"') for name, value in values.items())
 
 
+def _values_of(row: str) -> dict[str, Any]:
+    """Settings that a row names, or is."""
+    if "=" not in row:
+        named = {**ROWS, **_MORE_ROWS}
+        if row not in named:
+            known = nearest(row, named)
+            raise UsageError(f'row {row!r}: unknown, {known}; or settings such as "samples=9"')
+        return dict(named[row])
+    try:
+        call = ast.parse(f"Settings({row})", mode="eval").body
+        if not isinstance(call, ast.Call) or call.args:
+            raise ValueError
+        values = {str(given.arg): ast.literal_eval(given.value) for given in call.keywords}
+    except (ValueError, SyntaxError):
+        raise UsageError(
+            f'row {row!r}: expected settings as in method="stochastic", samples=64'
+        ) from None
+    Settings.from_mapping(values)
+    return values
+
+
 def _settings_of(case: Case, values: Mapping[str, Any]) -> Settings:
-    kept = {name: value for name, value in case.settings.items() if name not in _OWN}
+    method = values.get("method", "analytic")
+    kept = {
+        name: value
+        for name, value in case.settings.items()
+        if name in _KEPT and method in methods_of(name)
+    }
     return Settings.from_mapping({**kept, **values})
 
 

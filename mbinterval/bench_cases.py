@@ -42,16 +42,19 @@ def make_case(
     width: int | None = None,
     height: int | None = None,
     single_sided: bool = False,
+    at_rest: bool = False,
 ) -> Case:
     """Read a scene file or make a generated scene, such as ``fast_cubes`` or ``fast_cubes:2000``.
 
     Width and height default to the file's, else to 1024 and 768; one of them keeps the shape. With
-    ``single_sided`` back faces of closed meshes are culled.
+    ``single_sided`` back faces of closed meshes are culled; with ``at_rest`` everything is
+    throughout the exposure where it is at the frame.
 
     Raises
     ------
     UsageError, SceneError
-        For a scene that is neither, and for a reference that is not one of it.
+        For a scene that is neither, for a reference that is not one of it, and for a camera that
+        moves and should be at rest.
     """
     name, _, count = source.partition(":")
     if name in GENERATORS:
@@ -71,6 +74,8 @@ def make_case(
         raise UsageError(f"scene {source!r}: neither a file nor a generated scene, {known}")
     if single_sided:
         case = dataclasses.replace(case, scene=_single_sided(case.scene))
+    if at_rest:
+        case = dataclasses.replace(case, scene=_at_rest(case))
     if reference is not None:
         case = dataclasses.replace(case, reference=_reference(Path(reference), case))
     return case
@@ -108,6 +113,15 @@ def _single_sided(scene: Scene) -> Scene:
         for mesh in scene.meshes
     ]
     return dataclasses.replace(scene, meshes=meshes)
+
+
+def _at_rest(case: Case) -> Scene:
+    """Show every mesh throughout the exposure as it is at the frame."""
+    camera = case.scene.camera
+    if camera is not None and camera.animated:
+        raise UsageError(f"scene {case.name}: its camera moves; at_rest is for one that stands")
+    meshes = [dataclasses.replace(mesh, motion_blur=False) for mesh in case.scene.meshes]
+    return dataclasses.replace(case.scene, meshes=meshes)
 
 
 def is_closed(mesh: Mesh) -> bool:

@@ -14,7 +14,8 @@ from mbinterval.errors import UsageError
 FORMAT = 1
 _COLUMNS = (
     *("row", "settings", "median s", "least s", "spread", "processor s", "ratio"),
-    *("intervals per sample", "tests", "hits", "moved MB", "of copy", "memory MB", "RMSE"),
+    *("intervals per sample", "tests", "hits", "moved MB", "of copy", "M samples/s", "memory MB"),
+    "RMSE",
 )
 
 
@@ -50,11 +51,12 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         f"{row['spread']:.0%}",
         f"{row['processor']:.3f}",
         f"{row['ratio']:.2f}",
-        f"{row['intervals']:.2f}",
+        f"{row['intervals']:.2f}" if "intervals" in row else "",
         f"{tested:,}" if tested else "",
         f"{row['hits'] / tested:.1%}" if tested else "",
-        f"{row['moved'] / 1e6:.0f}",
-        f"{row['bandwidth']:.0%}",
+        f"{row['moved'] / 1e6:.0f}" if "moved" in row else "",
+        f"{row['bandwidth']:.0%}" if "bandwidth" in row else "",
+        f"{row['rate'] / 1e6:.1f}" if "rate" in row else "",
         f"{row['memory'] / 1e6:.0f}",
         f"{row['rmse']:.5f}" if "rmse" in row else "",
     )

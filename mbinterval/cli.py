@@ -319,6 +319,13 @@ def _add_bench_options(command: argparse.ArgumentParser) -> None:
     )
     add("--rows", metavar="NAMES", help="with commas between them; a wrong name lists all")
     add(
+        "--settings",
+        action="append",
+        metavar="TEXT",
+        help="a row of these settings, such as 'method=\"stochastic\", samples=64', after those of "
+        "--rows; may be given again",
+    )
+    add(
         "--rounds",
         type=values.argument(values.rounds),
         metavar="COUNT",
@@ -331,6 +338,7 @@ def _add_bench_options(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="cull the back faces of closed meshes, which are never seen from outside",
     )
+    add("--at-rest", action="store_true", help="show everything as it is at the frame, unmoved")
     add(
         "--reference",
         action="append",

@@ -127,20 +127,27 @@ def bench(arguments: argparse.Namespace) -> None:
     before = read_result(arguments.baseline) if arguments.baseline else None
     if arguments.json:
         prepare_output(arguments.json)
-    names = arguments.scenes or benchmark.SCENES
-    references = arguments.reference or ["-"] * len(names)
-    if len(references) != len(names):
+    scenes = arguments.scenes or benchmark.SCENES
+    references = arguments.reference or ["-"] * len(scenes)
+    if len(references) != len(scenes):
         raise UsageError(
-            f"{len(references)} references for {len(names)} scenes; give one for each, - for none"
+            f"{len(references)} references for {len(scenes)} scenes; give one for each, - for none"
         )
     size = arguments.width, arguments.height
     cases = [
-        make_case(name, None if file == "-" else file, *size, arguments.single_sided)
-        for name, file in zip(names, references, strict=True)
+        make_case(
+            name,
+            None if file == "-" else file,
+            *size,
+            single_sided=arguments.single_sided,
+            at_rest=arguments.at_rest,
+        )
+        for name, file in zip(scenes, references, strict=True)
     ]
     rows: Iterable[str] = benchmark.ROWS
-    if arguments.rows is not None:
-        rows = [row.strip() for row in arguments.rows.split(",")]
+    if arguments.rows is not None or arguments.settings:
+        names = [row.strip() for row in (arguments.rows or "").split(",")]
+        rows = [*filter(None, names), *(arguments.settings or ())]
     result = benchmark.measure(cases, rows, arguments.rounds or benchmark.ROUNDS, arguments.device)
     print(table(result))
     if arguments.json:

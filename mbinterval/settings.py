@@ -216,6 +216,11 @@ SETTINGS = tuple(field.name for field in fields(Settings))
 """Names of all settings."""
 
 
+def methods_of(name: str) -> tuple[str, ...]:
+    """Return the methods that have the setting ``name``."""
+    return _BELONGS.get(name, tuple(PATTERNS))
+
+
 def check_setting(name: str, value: Any) -> Any:
     """Return ``value`` as the setting ``name`` stores it.
 

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import os
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from mbinterval.errors import SceneError, UsageError
 from mbinterval.scene.generators import blades, dense_sphere, fast_cubes
 from mbinterval.scene.primitives import box, plane
 
+SCENES = Path(__file__).resolve().parents[1] / "scenes"
 SMALL = ("--width", "48", "--height", "32", "--rounds", "2")
 
 
@@ -122,6 +124,65 @@ def test_a_scene_files_settings_stay_unless_they_are_the_rows():
     stored = {"motion_segments": 3, "samples": 9, "paths": "triangulated", "filter_radius": 1.0}
     settings = bench._settings_of(small_case(settings=stored), bench.ROWS["exact 2"])
     assert settings == mb.Settings(samples=2, motion_segments=3)
+
+
+def test_point_samples_have_their_rate_and_no_interval_or_byte():
+    row = 'method="stochastic", samples=64'
+    names = ["exact 1", row, "z-buffer 4", 'method="accumulation", slices=8, samples=2']
+    result = bench.measure([small_case()], names, rounds=1)
+    rows = rows_of(result)
+    assert tuple(rows) == tuple(names)
+    for name, count in zip(names[1:], (64, 4, 16), strict=True):
+        assert rows[name]["rate"] == pytest.approx(48 * 32 * count / rows[name]["median"])
+        assert not rows[name].keys() & {"intervals", "moved", "bandwidth"}
+        assert {"scatter", "sample"} <= rows[name]["stages"].keys()
+    assert "rate" not in rows["exact 1"]
+    lines = [line for line in table(result).splitlines() if line.startswith("| method")]
+    assert f"| {rows[row]['rate'] / 1e6:.1f} " in lines[0]
+
+
+def test_a_scene_files_settings_of_other_methods_give_way():
+    stored = {"texture_samples": 4, "tile_size": 8, "occlusion": 64, "seed": 3, "frameless": 2}
+    case = small_case(settings=stored)
+    stochastic = bench._settings_of(case, bench._values_of('method="stochastic",samples=9'))
+    assert stochastic == mb.Settings(method="stochastic", samples=9, seed=3)
+    assert bench._settings_of(case, bench.ROWS["exact 1"]) == mb.Settings(
+        samples=1, seed=3, texture_samples=4
+    )
+
+
+def test_equal_error_takes_the_fewest_samples_that_are_as_good():
+    settings = mb.Settings(samples=64, pattern="sobol")
+    film = mb.render(fast_cubes(40), width=48, height=32, settings=settings)
+    case = small_case(reference=film.rgba[..., :3])
+    rows = rows_of(bench.measure([case], ["five-point 1", bench.EQUAL_ERROR], rounds=1))
+    equal, first = rows[bench.EQUAL_ERROR], rows["five-point 1"]
+    assert equal["rmse"] <= first["rmse"]
+    found = eval(f"Settings({equal['settings']})", {"Settings": mb.Settings})
+    assert found.method == "stochastic"
+    fewer = mb.Settings(method="stochastic", samples=found.samples * 7 // 8 - 1)
+    other = mb.render(fast_cubes(40), width=48, height=32, settings=fewer).rgba
+    assert np.sqrt(np.mean((other[..., :3] - case.reference) ** 2)) > first["rmse"]
+    alone = bench.measure([small_case()], ["exact 1", bench.EQUAL_ERROR], rounds=1)
+    assert "needs a reference" in rows_of(alone)[bench.EQUAL_ERROR]["error"]
+
+
+def test_at_rest_the_z_buffer_and_exact_time_see_the_same():
+    case = make_case("fast_cubes:40", width=48, height=32, at_rest=True)
+    exact, buffered = (
+        mb.render(
+            case.scene,
+            width=48,
+            height=32,
+            settings=bench._settings_of(case, bench._values_of(row)),
+        ).rgba
+        for row in ("exact 4", "z-buffer 4")
+    )
+    assert np.abs(exact - buffered).max() < 1e-5
+    moving = mb.render(fast_cubes(40), width=48, height=32, settings=mb.Settings(samples=4)).rgba
+    assert np.abs(exact - moving).max() > 0.1
+    with pytest.raises(UsageError, match="its camera moves"):
+        make_case(str(SCENES / "fly_by.toml"), width=48, height=32, at_rest=True)
 
 
 def test_a_row_that_is_unknown_is_named_with_the_nearest():
@@ -321,6 +382,9 @@ def test_the_command_prints_writes_and_compares(tmp_path, capsys):
     slow, quick = tmp_path / "slow.json", tmp_path / "quick.json"
     write_result(slow, scaled(stored, 100.0))
     write_result(quick, scaled(stored, 0.01))
+    with_settings = [*arguments, "--settings", 'method="stochastic", samples=2']
+    assert cli.main(with_settings) == 0
+    assert capsys.readouterr().out.count('method="stochastic", samples=2') >= 1
     assert cli.main([*arguments, "--baseline", str(slow)]) == 0
     assert "faster" in capsys.readouterr().out
     assert cli.main([*arguments, "--baseline", str(quick)]) == 1
@@ -334,6 +398,10 @@ def test_the_command_prints_writes_and_compares(tmp_path, capsys):
     ("options", "message"),
     [
         (["--rows", "nothing"], "row 'nothing': unknown, known here: exact 1"),
+        (["--settings", "samples=x"], "expected settings as in"),
+        (["--settings", "samples=4, 'a'"], "expected settings as in"),
+        (["--settings", "sample=4"], "did you mean samples"),
+        (["--settings", 'method="stochastic", paths="exact", occlusion=128'], "it is for method="),
         (["--tolerance", "0.2"], "give --baseline"),
         (["--reference", "a.exr", "--reference", "b.exr"], "2 references for 1 scenes"),
         (["--baseline", "missing.json"], "baseline missing.json"),

@@ -45,6 +45,12 @@ def test_the_least_count_for_an_error_and_the_largest_for_a_time():
     assert found.count_for(None, 0.01) is None
 
 
+def test_probes_that_others_disturbed_promise_no_time_below_zero():
+    found = model([(4, 1.0, 0.1), (16, 20.0, 0.05)])
+    assert found.seconds(1) == pytest.approx(0.25)
+    assert found.seconds(8) > 1.0
+
+
 def test_an_error_that_does_not_fall_is_not_continued():
     found = model([(1, 1.0, 0.0041), (2, 2.0, 0.0040), (4, 4.0, 0.0040)])
     assert found.exponent == 0.0

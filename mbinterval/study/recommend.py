@@ -97,13 +97,17 @@ class Model:
         return max(found, _STEEPEST) if found < _FLATTEST else 0.0
 
     def seconds(self, count: float) -> float:
-        """Predicted seconds: a line through the probes beside the count."""
+        """Predicted seconds: a line through the probes beside the count.
+
+        Below the first one they fall no faster than the count.
+        """
         counts, taken = zip(*((c, s) for c, s, _ in self.points), strict=True)
         if len(counts) == 1:
             return float(self.slower * taken[0])
         high = min(max(int(np.searchsorted(counts, count)), 1), len(counts) - 1)
         rise = (taken[high] - taken[high - 1]) / (counts[high] - counts[high - 1])
-        return float(self.slower * (taken[high] + max(rise, 0.0) * (count - counts[high])))
+        line = taken[high] + max(rise, 0.0) * (count - counts[high])
+        return float(self.slower * max(line, taken[0] * min(count / counts[0], 1.0)))
 
     def count_for(self, error: float | None, seconds: float | None) -> int | None:
         """Least count that reaches ``error``, or the largest within ``seconds``; None without."""
