@@ -10,7 +10,7 @@
 // What a work-item counts: ticks of each stage, then samples.
 enum { SCATTER, SAMPLE, SHADE, RESOLVE, VISITED, STAGE1, TESTS, HITS, COUNTERS };
 
-#ifdef HAS_CYCLE_COUNTER
+#ifdef CLANG_BUILTINS
 #define TICKS() __builtin_readcyclecounter()
 #else
 #define TICKS() 0ul
