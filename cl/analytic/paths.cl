@@ -12,19 +12,19 @@ static double3 cross_product(double3 a, double3 b)
 
 static double dot_product(double3 a, double3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-// Planes through the eye and two of the six corners that have all six on one side: what the path
+// Planes through the eye and two of the six corners that have all on one side: what the path
 // covers lies inside all of them, in front of the eye or behind it (DESIGN.md 3.2). Each is pushed
 // outwards by MARGIN pixels, more than its rounding.
 #define MARGIN 1e-3
 
-static uint bounding_planes(const double3 *q, double blur, Shape *shape)
+static uint bounding_planes(const double3 *q, int corners, double blur, Shape *shape)
 {
     uint count = 0;
-    for (int i = 0; i < 6; i++) for (int j = i + 1; j < 6; j++) {
+    for (int i = 0; i < corners; i++) for (int j = i + 1; j < corners; j++) {
         double3 n = cross_product(q[i], q[j]);
         double size = sqrt(dot_product(n, n)), slope = sqrt(n.x * n.x + n.y * n.y);
         double low = 0.0, high = 0.0;
-        for (int k = 0; k < 6; k++) {
+        for (int k = 0; k < corners; k++) {
             double side = k == i || k == j ? 0.0 : dot_product(n, q[k]);
             double noise = 1e-13 * size * sqrt(dot_product(q[k], q[k]));
             low = fmin(low, side + noise), high = fmax(high, side - noise);
@@ -182,7 +182,8 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     shape->near = (float)fmax(w_low, 0.0) * (1.0f - 1e-6f);
     shape->far = (float)w_high * (1.0f + 1e-6f);
     shape->scale = (float)exp2(-floor(log2(fmax(w_high, -w_low))));
-    shape->planes = blur < INFINITY ? bounding_planes(q, blur, shape) : 0u;
+    int corners = path.step == 0 ? 3 : 6; // what does not move ends where it starts
+    shape->planes = blur < INFINITY ? bounding_planes(q, corners, blur, shape) : 0u;
     *depth = depth_over_time(q);
     if (is_nothing(q, depth)) shape->flags |= SHAPE_CULLED;
     if (shape->flags & SHAPE_BEHIND) exact_facing(q, depth->d);
