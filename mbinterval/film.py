@@ -48,9 +48,12 @@ class Film:
     stats
         Counts of the render. Analytic: ``tests``, pairs of a motion path and a sample that were
         solved, and ``hits``, those of them that gave an interval (exact paths). Point samples,
-        where ``Settings.statistics`` asks for it: ``visited``, samples in pixels that a path may
-        touch, those left after the lens's part of the culling (``stage1``), ``tests`` and
-        ``hits``. Not written to files.
+        where ``Settings.statistics`` asks for it: ``bounded``, pixels for which the bounds of a
+        path were found (those of tiles of ``cull_tile`` pixels each, and not by ``cull="best"``);
+        ``visited``, samples in pixels that a path may touch, and those left after the lens's part
+        of the culling (``stage1``); ``tests`` and ``hits``; ``depth_tests``, hits whose depth was
+        compared; ``texels`` that were looked up, and ``texel_lines``, 64 bytes each, that a cache
+        of 6 kB would have fetched for them. Not written to files.
     transparent
         The background was left out of the colour, so that a PNG gets an alpha channel.
     notes

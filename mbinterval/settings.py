@@ -15,7 +15,7 @@ OCCLUSIONS = ("exact", 32, 64, 128, 256, 512, 1024)
 
 CULLS = (
     *("best", "bbox", "hull", "obb", "pixar", "interleave_uvt", "dual_space", "clip_space"),
-    *("clip_space_printed", "trim", "zmax", "zmax_strata"),
+    *("clip_space_printed", "trim", "zmax", "zmax_strata", "zmin", "zmin_strata"),
 )
 """Ways to leave out point samples that a path cannot cover."""
 

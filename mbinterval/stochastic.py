@@ -39,7 +39,10 @@ from mbinterval.work import (
 TILE_STAGES = ("scatter", "sample", "shade", "resolve")
 """Stages of the fused kernel, in the order in which it counts their time."""
 
-_COUNTS = ("visited", "stage1", "tests", "hits")
+_COUNTS = (
+    *("bounded", "visited", "stage1", "tests", "hits", "depth_tests"),
+    *("texels", "texel_lines"),
+)
 _ARGUMENTS = (
     *("vertices", "paths", "bounds", "meshes", "materials", "color", "uv"),
     *("normal", "textures", "texels", "lights", "cameras", "slots", "filter", "shutter"),

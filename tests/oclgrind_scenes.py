@@ -140,7 +140,8 @@ SCENES = {
             Camera(**LENS),
         )
         for cull in ("bbox", "hull", "obb", "pixar", "dual_space", "clip_space",
-                     "clip_space_printed", "trim", "zmax", "zmax_strata")
+                     "clip_space_printed", "trim", "zmax", "zmax_strata", "zmin",
+                     "zmin_strata")
     },
     "accumulation": Small(
         colorful, {"method": "accumulation", "slices": 3, "samples": 2, "motion_segments": 1}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from closed_forms import FACES, UNIT_CAMERA, rectangle, world
 
 import mbinterval as mb
@@ -17,8 +16,12 @@ LIGHTS = (Light("ambient", intensity=0.2), Light("point", position=(0.5, 0.5, -0
           Light("directional", direction=(0.3, -1.0, -1.0)))  # fmt: skip
 
 
-def quad(left: float, right: float, speed: float, w: object = 2.0, **fields: object) -> Mesh:
-    ends = np.stack([rectangle(left, right, 3, 29), rectangle(left + speed, right + speed, 3, 29)])
+def quad(
+    left: float, right: float, speed: float, w: object = 2.0,
+    rows: tuple[float, float] = (3, 29), **fields: object,
+) -> Mesh:  # fmt: skip
+    corners = rectangle(left, right, *rows)
+    ends = np.stack([corners, corners + [speed, 0.0]])
     positions = world(ends, w, SIZE)
     return Mesh(positions=positions if speed else positions[0], faces=FACES, **fields)
 
@@ -29,19 +32,25 @@ def textured(speed: float, left: float = 6.3, **fields: object) -> Mesh:
     return quad(left, left + 25.0, speed, material=material, uv=uv, **fields)
 
 
-def shiny(speed: float) -> Mesh:
+def shiny(speed: float, **fields: object) -> Mesh:
     material = Material("shiny", specular=(0.4, 0.5, 0.6), shininess=9.0)
     normals = np.array([[-0.5, 0, 1], [0.5, 0.2, 1], [0.4, 0, 1], [-0.3, -0.3, 1.0]])
     tilted = np.array([1.8, 2.4, 2.3, 1.7])
-    return quad(10.2, 40.0, speed, tilted, material=material, normals=normals)
+    return quad(10.2, 40.0, speed, tilted, material=material, normals=normals, **fields)
 
 
-def colored(speed: float) -> Mesh:
+def colored(speed: float, **fields: object) -> Mesh:
     colors = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0.0]])
-    return quad(3.4, 30.0, speed, color=colors, color_domain="vertex", shading="unlit")
+    look = {"color": colors, "color_domain": "vertex", "shading": "unlit"}
+    return quad(3.4, 30.0, speed, **look, **fields)
 
 
-KINDS = {"texture": textured, "phong": shiny, "vertex colour": colored}
+BANDS = {"texture": (textured, 0), "phong": (shiny, 11), "vertex colour": (colored, 22)}
+
+
+def bands(speed: float) -> list[Mesh]:
+    """Each kind in ten rows of its own; one kernel shows them all."""
+    return [make(speed, rows=(top + 0.3, top + 9.7)) for make, top in BANDS.values()]
 
 
 def film(*meshes: Mesh, size: tuple[int, int] = SIZE, **values: object) -> np.ndarray:
@@ -49,33 +58,32 @@ def film(*meshes: Mesh, size: tuple[int, int] = SIZE, **values: object) -> np.nd
     return mb.render(scene, width=size[0], height=size[1], settings=mb.Settings(**values)).rgba
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_at_rest_is_the_analytic_film(kind):
-    mesh = KINDS[kind](0.0)
-    want = film(mesh, samples=5)
-    found = film(mesh, method="stochastic", pattern="fixed", samples=5)
+def band_of(kind: str, of: np.ndarray) -> np.ndarray:
+    top = BANDS[kind][1]
+    return of[top : top + 10]
+
+
+def test_what_is_at_rest_is_the_analytic_film():
+    want = film(*bands(0.0), samples=5)
+    found = film(*bands(0.0), method="stochastic", pattern="fixed", samples=5)
     assert np.abs(found - want).max() < 2e-4
-    assert want[..., :3].std() > 0.05
+    assert all(band_of(kind, want)[..., :3].std() > 0.05 for kind in BANDS)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_one_slice_is_the_mesh_half_way(kind):
-    moving = KINDS[kind](11.0)
-    still = replace(moving, positions=moving.positions.mean(axis=0))
-    found = film(moving, method="accumulation", slices=1, samples=5, motion_segments=1)
-    assert np.abs(found - film(still, samples=5)).max() < 2e-4
+def test_one_slice_is_the_mesh_half_way():
+    moving = bands(11.0)
+    still = [replace(m, positions=m.positions.mean(axis=0)) for m in moving]
+    found = film(*moving, method="accumulation", slices=1, samples=5, motion_segments=1)
+    assert np.abs(found - film(*still, samples=5)).max() < 2e-4
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_motion_comes_to_the_analytic_film(kind):
-    mesh = KINDS[kind](11.0)
-    truth = film(mesh, samples=64, pattern="sobol", texture_samples=128)
-    few, many = (
-        np.sqrt(np.mean((film(mesh, method="stochastic", samples=n) - truth) ** 2))
-        for n in (16, 1024)
-    )
-    assert many < 3e-3
-    assert many < 0.35 * few
+def test_motion_comes_to_the_analytic_film():
+    truth = film(*bands(11.0), samples=64, pattern="sobol", texture_samples=128)
+    few, many = (film(*bands(11.0), method="stochastic", samples=n) for n in (16, 1024))
+    for kind in BANDS:
+        errors = [np.sqrt(np.mean(band_of(kind, f - truth) ** 2)) for f in (few, many)]
+        assert errors[1] < 3e-3, kind
+        assert errors[1] < 0.35 * errors[0], kind
 
 
 def test_a_lens_and_light_come_to_the_analytic_film():
@@ -114,6 +122,28 @@ def test_hybrid_shades_once_what_does_not_move():
     assert np.array_equal(hybrid[:, 31:], each[:, 31:])
     assert np.abs(hybrid - each).max() > 1e-3
     assert np.abs(hybrid - once).max() > 1e-3
+
+
+def test_look_ups_are_counted_and_what_a_small_cache_fetches():
+    """Four texels for each sample that is shaded; of 8 x 8 a tile that shows them has 4 lines."""
+    scene = Scene(meshes=[textured(9.0)], camera=UNIT_CAMERA)
+
+    def counted(**values: object) -> tuple[int, int, int]:
+        settings = mb.Settings(method="stochastic", samples=16, statistics=True, **values)
+        of = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
+        return of.stats["texels"], of.stats["texel_lines"], int(of.intervals.sum())
+
+    texels, lines, seen = counted()
+    assert texels == 4 * seen
+    assert lines == 4 * 6
+    once, fewer, _ = counted(shading_rate="pixel")
+    assert once < 0.2 * texels  # pixels that two triangles share are shaded twice
+    assert fewer == lines
+    big = replace(textured(9.0).material, texture=Texture(np.ones((2048, 2048, 3))))
+    scene = Scene(meshes=[replace(textured(9.0), material=big)], camera=UNIT_CAMERA)
+    texels, lines, seen = counted()
+    assert texels == 4 * seen
+    assert seen < lines < 4 * seen  # texels far apart: a look-up touches one line, two or four
 
 
 def test_flat_colours_do_not_care():

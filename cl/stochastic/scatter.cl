@@ -332,6 +332,10 @@ static void scatter(Tile *tile)
     }
     for (int k = 0; k < tile->slabs; k++)
         vstore16((Lanes)(INFINITY), 0, tile->block_far + k * BLOCKS);
+#ifdef ZMIN
+    for (int k = 0; k < tile->slabs; k++)
+        vstore16((Lanes)(INFINITY), 0, tile->block_near + k * BLOCKS);
+#endif
     for (int i = 0; i < tile->slabs * SLAB; i += LANES) {
         vstore16((Lanes)(INFINITY), 0, tile->zs + i);
         vstore16((uint16)(NONE), 0, tile->owners + i);

@@ -7,6 +7,9 @@
 // are points, which is why textures are read at their finest level.
 #include "stochastic/moving.h"
 #include "shared/attributes.h"
+#ifdef COUNT_TEXELS
+#include "stochastic/texels.h"
+#endif
 
 #if defined(PHONG) || defined(TEXTURED) || defined(VERTEX_COLOR)
 #define VARYING
@@ -80,7 +83,7 @@ static void load_surface(const Tile *tile, uint path, Surface *surface)
 }
 
 // Colours of the surface at samples, `count` of which matter.
-static Lanes3 surface_colors(const Tile *tile, const Surface *surface, const Samples *samples,
+static Lanes3 surface_colors(Tile *tile, const Surface *surface, const Samples *samples,
                              Lanes w, int count)
 {
     const Moving *m = &surface->moving;
@@ -102,6 +105,9 @@ static Lanes3 surface_colors(const Tile *tile, const Surface *surface, const Sam
 #ifdef TEXTURED
     if (s->material.texture != NONE) {
         Texture texture = tile->scene.textures[s->material.texture];
+#ifdef COUNT_TEXELS
+        count_texels(tile, texture, a.u, a.v, count);
+#endif
         Lanes3 texel = texture_at(tile->scene.texels, texture, a.u, a.v, 0.0f, count);
         color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
     }
@@ -178,7 +184,7 @@ static inline float4 color_of_lane(const Lanes3 *color, int i)
 }
 
 // Colour of each listed sample of one pixel, all of the same path.
-static void color_samples(const Tile *tile, const Surface *surface, const int *list, int count,
+static void color_samples(Tile *tile, const Surface *surface, const int *list, int count,
                           float4 *colors)
 {
     Lanes w;
@@ -199,7 +205,7 @@ static void color_samples(const Tile *tile, const Surface *surface, const int *l
 }
 
 // Colours of all samples of a pixel, path by path, into `colors` by slab.
-static void color_pixel(const Tile *tile, int pixel, Surface *surface, float4 *colors)
+static void color_pixel(Tile *tile, int pixel, Surface *surface, float4 *colors)
 {
     bool done[SLABS];
     for (int slab = 0; slab < tile->slabs; slab++) {

@@ -7,8 +7,8 @@
 #include "stochastic/shade.cl"
 #include "stochastic/resolve.cl"
 
-// What a work-item counts: ticks of each stage, then samples.
-enum { SCATTER, SAMPLE, SHADE, RESOLVE, VISITED, STAGE1, TESTS, HITS, COUNTERS };
+// What a work-item counts: ticks of each stage, then its statistics.
+enum { SCATTER, SAMPLE, SHADE, RESOLVE, STATISTICS_FIRST, COUNTERS = STATISTICS_FIRST + 8 };
 
 #ifdef CLANG_BUILTINS
 #define TICKS() __builtin_readcyclecounter()
@@ -35,6 +35,10 @@ static void render_tile(Tile *tile, global ulong *ticks)
         tile->signed_depth[i] = tile->sign_sum[i] = 0.0f;
 #endif
     }
+#ifdef COUNT_TEXELS
+    for (int i = 0; i < CACHE_SETS; i++)
+        for (int k = 0; k < CACHE_WAYS; k++) tile->texel_cache[i][k] = 0;
+#endif
     ulong clock = TICKS();
     for (tile->group = 0; tile->group < SAMPLES; tile->group += SLABS) {
         tile->slabs = min(SLABS, SAMPLES - tile->group);
@@ -130,6 +134,6 @@ kernel void tile(
         resolve(&tile, frame, background, rgba, depth, seen);
         clocked(RESOLVE, counters, &clock);
     }
-    counters[VISITED] += tile.statistics.visited, counters[STAGE1] += tile.statistics.stage1;
-    counters[TESTS] += tile.statistics.tests, counters[HITS] += tile.statistics.hits;
+    const ulong *counted = (const ulong *)&tile.statistics;
+    for (int i = STATISTICS_FIRST; i < COUNTERS; i++) counters[i] += counted[i - STATISTICS_FIRST];
 }

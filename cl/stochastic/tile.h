@@ -26,10 +26,31 @@
 #define SLAB (BLOCKS * LANES) // samples of a slab
 #define SLAB_LANES ((SLABS + LANES - 1) / LANES * LANES)
 
-// What samples count: what was looked at, passed each stage of culling, was tested, and hit.
+#if defined(CULL_ZMIN) || defined(CULL_ZMIN_STRATA)
+#define ZMIN
+#endif
+#ifdef CULL_ZMIN_STRATA
+#define ZMIN_STRATA
+#endif
+
+// Pixels whose tiles were bounded; samples that were looked at, passed each stage of culling, were
+// tested, were hit, and were compared in depth; texels that were asked for, and lines of them that
+// a small cache had to fetch.
 typedef struct {
-    ulong visited, stage1, tests, hits;
+    ulong bounded, visited, stage1, tests, hits, depth_tests, texels, texel_lines;
 } Statistics;
+
+#if defined(STATISTICS) && defined(TEXTURED)
+#define COUNT_TEXELS
+#define CACHE_SETS 16
+#define CACHE_WAYS 6
+#endif
+
+#ifdef STATISTICS
+#define COUNT(tile, what, mask) (tile)->statistics.what += count_lanes(mask)
+#else
+#define COUNT(tile, what, mask)
+#endif
 
 typedef struct {
     Scene scene;
@@ -58,7 +79,13 @@ typedef struct {
 #endif
     float far[SLAB_LANES];            // greatest depth of any of its samples, or more
     float block_far[SLABS * BLOCKS];  // likewise of each of its blocks
+#ifdef ZMIN
+    float block_near[SLABS * BLOCKS]; // least depth of any of its samples
+#endif
     Statistics statistics;
+#ifdef COUNT_TEXELS
+    uint texel_cache[CACHE_SETS][CACHE_WAYS];
+#endif
     global float4 *color;        // per pixel: sums over samples, alpha last
     global float *depth;
     global uint *count;          // samples that see something

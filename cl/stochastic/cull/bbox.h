@@ -1,5 +1,7 @@
 // Culling method "bbox": every sample of the pixels that the path's box on screen touches is
 // tested.
+//
+// Operations: path 198 (276), tile 8, sample 0.
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -17,12 +19,11 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return true;
 }
 
-static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
                              Bounded *bounded)
 {
-    Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     bounded->unused = 0;
-    return tiles_in_box(&cull->box, x, y, tile_half(tile));
+    return tiles_in_path_box(tile, &cull->box, block);
 }
 
 static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,

@@ -3,6 +3,8 @@
 // slabs at once, says which blocks of 4 x 4 pixels to test. Paths come from near to far, and what
 // lies behind all that a tile, a slab or a block has seen so far is left out (Akenine-Moeller et
 // al. 2007, 3.4).
+//
+// Operations: slab 158 (218), block 1.
 #include "stochastic/test.h"
 
 // For sixteen slabs: blocks that the triangle may touch, and the least depth that it may have.
@@ -73,7 +75,7 @@ static void test_slab(Tile *tile, const Moving *m, int slab, const Touched *touc
         for (int column = touched->left[lane]; column <= touched->right[lane]; column++) {
             int block = row * (TILE / BLOCK) + column;
             if (touched->near[lane] > tile->block_far[slab * BLOCKS + block]) continue;
-            test_samples(tile, m, slab, block, (LaneMask)(-1));
+            test_samples(tile, m, slab, block, (LaneMask)(-1), false);
         }
 }
 

@@ -83,6 +83,15 @@ static inline LaneMask tiles_in_box(const Box *box, Lanes x, Lanes y, float half
            & (y + half_size >= box->top) & (y - half_size <= box->bottom);
 }
 
+// Which pixels of a block lie in tiles that touch the box of a path.
+static inline LaneMask tiles_in_path_box(Tile *tile, const Box *box, int block)
+{
+    Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
+    LaneMask in = tiles_in_box(box, x, y, tile_half(tile));
+    COUNT(tile, bounded, in);
+    return in;
+}
+
 // Least and greatest t in [0, 1] at which a + (b - a) t <= 0, given slack for rounding; low > high
 // where there is none.
 static inline void below_zero(Lanes a, Lanes b, Lanes *low, Lanes *high)

@@ -1,4 +1,10 @@
 // The culling method that the plan chose: which samples of a tile each path is tested at.
+//
+// Each file states its operations as Laine et al. 2011, 4.1, count them, and with a lens in
+// brackets: a multiply-add, and any other sum, product, quotient, comparison, least or greatest of
+// two is one; choosing and moving are none. They are those of the code as it stands, with what it
+// adds for rounding: of a path, or of each of its strata, of bounds for a tile of pixels, and of a
+// sample that is compared with them. The sample test that all share has 25 (34).
 #if defined(CULL_BBOX)
 #include "stochastic/cull/bbox.h"
 #elif defined(CULL_HULL)
@@ -22,6 +28,8 @@
 #elif defined(CULL_ZMAX_STRATA)
 #define ZMAX_STRATA
 #include "stochastic/cull/zmax.h"
+#elif defined(CULL_ZMIN) || defined(CULL_ZMIN_STRATA)
+#include "stochastic/cull/zmin.h"
 #else
 #include "stochastic/cull/best.h"
 #endif

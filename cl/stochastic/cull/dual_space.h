@@ -7,6 +7,8 @@
 // and greatest over the corners lie within lines through their values at both ends of the range of
 // gamma, blended over t. A hit needs least <= 0 <= greatest, wherever the corners are, behind the
 // eye too.
+//
+// Operations: path 806 (1680), tile 49 (95), sample 2 (6).
 #include "stochastic/cull/time.h"
 
 // What one axis knows of a path.
@@ -122,12 +124,12 @@ static void bound_lens(const Axis *axis, Lanes place, float size, Lanes *low, La
 }
 #endif
 
-static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
                              Bounded *b)
 {
     Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     float size = tile_half(tile);
-    LaneMask in = tiles_in_box(&cull->box, x, y, size);
+    LaneMask in = tiles_in_path_box(tile, &cull->box, block);
     if (!any_lane(in)) return in;
     b->t_low = cull->t_low, b->t_high = cull->t_high;
     bound_time(&cull->x, x, &b->t_low, &b->t_high);
@@ -148,9 +150,7 @@ static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cul
 #ifdef LENS
     mask &= (s->u >= b->u_low) & (s->u <= b->u_high) & (s->v >= b->v_low) & (s->v <= b->v_high);
 #endif
-#ifdef STATISTICS
-    tile->statistics.stage1 += count_lanes(mask);
-#endif
+    COUNT(tile, stage1, mask);
     return mask & (tau >= b->t_low) & (tau <= b->t_high);
 }
 

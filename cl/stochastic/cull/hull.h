@@ -2,6 +2,9 @@
 // corners at both ends (McGuire et al. 2010). A way on screen is a straight line, so the hull holds
 // the triangle at all times, as long as it stays before the eye; else the box serves. Under a lens
 // each edge of the hull moves outwards by the greatest circle of confusion behind it.
+//
+// Operations: path 1716 (1818), tile 44, sample 0.
+// Six edges are counted.
 #include "stochastic/cull/box.h"
 
 #define MAX_EDGES 15
@@ -61,12 +64,12 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return true;
 }
 
-static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
                              Bounded *bounded)
 {
     Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     float size = tile_half(tile);
-    LaneMask in = tiles_in_box(&cull->box, x, y, size);
+    LaneMask in = tiles_in_path_box(tile, &cull->box, block);
     for (int k = 0; k < cull->edges; k++)
         in &= cull->a[k] * x + cull->b[k] * y
               <= cull->c[k] + size * (fabs(cull->a[k]) + fabs(cull->b[k]));

@@ -2,6 +2,9 @@
 // own time and point of the lens, snapped to tiles of 2 x 2 pixels, touches its tile (Fatahalian et
 // al. 2009). With the pattern of the same name there are only four times as many such times and
 // points as a pixel has samples; here the box is found for each sample anew, at the same counts.
+//
+// Operations: stratum 50 (59), tile 8, sample 0.
+// As published: one stratum for each of the pattern's times and points of the lens.
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -19,14 +22,16 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return true;
 }
 
-static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
                              Bounded *bounded)
 {
     float to_middle = 0.5f * (1.0f + tile->reach_low + tile->reach_high) - HALF;
     bounded->x = floor(block_x(block) * 0.5f) * 2.0f + to_middle;
     bounded->y = floor(block_y(block) * 0.5f) * 2.0f + to_middle;
     float size = 0.5f * (1.0f + tile->reach_high - tile->reach_low) * (1.0f + 1e-6f);
-    return tiles_in_box(&cull->box, bounded->x, bounded->y, size);
+    LaneMask in = tiles_in_box(&cull->box, bounded->x, bounded->y, size);
+    COUNT(tile, bounded, in);
+    return in;
 }
 
 static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,

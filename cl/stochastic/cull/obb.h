@@ -4,6 +4,8 @@
 // where there is none the box is aligned with the axes. Rays are tested against the box instead of
 // rasterizing its backs, so nothing depends on what lies behind the eye. Under a lens the box holds
 // all circles of confusion.
+//
+// Operations: path 417 (435), tile 64, sample 0.
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -76,7 +78,7 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
 
 // A pixel's rays are s (x, y, 1), s > 0. Along each axis s times some value between g - h and g + h
 // lies between low and high; the bounds of s that follow must leave something.
-static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
                              Bounded *bounded)
 {
     Lanes x = (tile_middle(tile, block_x(block)) - tile->middle_x) * tile->clip_scale;
@@ -84,6 +86,7 @@ static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull
     float size = tile_half(tile) * tile->clip_scale + 2e-6f;
     Lanes nearest = 0.0f, farthest = INFINITY;
     LaneMask in = -1;
+    COUNT(tile, bounded, in);
     for (int a = 0; a < 3; a++) {
         float3 n = cull->axis[a];
         Lanes g = n.x * x + n.y * y + n.z;

@@ -1,6 +1,8 @@
 // Culling method "pixar": time and lens are cut into STRATA_U x STRATA_V x STRATA_T parts; a sample
 // is tested when the box of its part touches its pixel (Cook et al. 1990, without the pairing of
 // strata: "modified Pixar" of Laine et al. 2011, 2).
+//
+// Operations: stratum 208 (286), tile 8, sample 12 (24).
 #include "stochastic/cull/box.h"
 
 #define STRATA (STRATA_U * STRATA_V * STRATA_T)
@@ -31,11 +33,11 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return true;
 }
 
-static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
                              Bounded *bounded)
 {
     bounded->x = tile_middle(tile, block_x(block)), bounded->y = tile_middle(tile, block_y(block));
-    return tiles_in_box(&cull->box, bounded->x, bounded->y, tile_half(tile));
+    return tiles_in_path_box(tile, &cull->box, block);
 }
 
 static inline int16 stratum_along(Lanes place, int count)

@@ -10,6 +10,16 @@
 
 #include "stochastic/test.h"
 
+// Whether the path is known to lie before all that the slab has seen.
+static inline bool is_first(const Cull *cull, int slab)
+{
+#ifdef FIRST_KNOWN
+    return cull->first[slab];
+#else
+    return false;
+#endif
+}
+
 static void scan_block(Tile *tile, const Moving *m, const Cull *cull, int block)
 {
     Bounded bounded;
@@ -19,11 +29,9 @@ static void scan_block(Tile *tile, const Moving *m, const Cull *cull, int block)
         Samples s = load_samples(tile, sample_index(slab, block));
         Lanes tau = time_in_segment(m, s.t);
         LaneMask mask = pixels & in_segment(m, s.t);
-#ifdef STATISTICS
-        tile->statistics.visited += count_lanes(mask);
-#endif
+        COUNT(tile, visited, mask);
         mask = keep_samples(tile, m, cull, &bounded, &s, tau, slab, mask);
-        if (any_lane(mask)) test_samples(tile, m, slab, block, mask);
+        if (any_lane(mask)) test_samples(tile, m, slab, block, mask, is_first(cull, slab));
     }
 }
 

@@ -1,5 +1,7 @@
 // Culling method "trim": the box, and no sample from a time at which the triangle is out of the
 // frame or behind the eye (Laine et al. 2011, 3.2, their trimming of the time range alone).
+//
+// Operations: path 498 (666), tile 8, sample 2.
 #include "stochastic/cull/time.h"
 
 typedef struct {
@@ -18,12 +20,11 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return trim_to_frame(tile, m, &cull->t_low, &cull->t_high);
 }
 
-static LaneMask bound_pixels(const Tile *tile, const Moving *m, const Cull *cull, int block,
+static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
                              Bounded *bounded)
 {
-    Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     bounded->unused = 0;
-    return tiles_in_box(&cull->box, x, y, tile_half(tile));
+    return tiles_in_path_box(tile, &cull->box, block);
 }
 
 static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
