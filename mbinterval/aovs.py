@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from mbinterval.checks import nearest, refuse
+
+if TYPE_CHECKING:  # settings are checked before anything heavy is imported
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,9 @@ class Aov:
     whole: bool = False
 
     @property
-    def dtype(self) -> type:
-        """Type of its pixels: float32 or uint32."""
-        return np.uint32 if self.whole else np.float32
+    def dtype(self) -> str:
+        """Type of its pixels."""
+        return "uint32" if self.whole else "float32"
 
 
 AOVS: Mapping[str, Aov] = {
@@ -112,6 +113,8 @@ def split_planes(names: Sequence[str], planes: NDArray[np.uint32]) -> dict[str, 
 
     Under ``"object"`` is 1 and the index of the mesh record, 0 where nothing is.
     """
+    import numpy as np
+
     found: dict[str, NDArray[Any]] = {}
     first = 0
     for macro in dict.fromkeys(MACROS[name] for name in names if name != "sharp"):
@@ -135,6 +138,8 @@ def channels_of(layers: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 def layers_of(channels: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Return the layers all of whose channels are there, of the right kind."""
+    import numpy as np
+
     found: dict[str, NDArray[Any]] = {}
     for name, aov in AOVS.items():
         planes = [channels[channel] for channel in aov.channels if channel in channels]

@@ -163,7 +163,7 @@ def _layer(name: str, pixels: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     return _array(name, pixels, AOVS[name].dtype, shape if count == 1 else (*shape, count))
 
 
-def _array(name: str, value: Any, dtype: type, shape: tuple[int, ...]) -> NDArray[Any]:
+def _array(name: str, value: Any, dtype: type | str, shape: tuple[int, ...]) -> NDArray[Any]:
     try:
         array: NDArray[Any] = np.ascontiguousarray(value, dtype=dtype)
     except (TypeError, ValueError):

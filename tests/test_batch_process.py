@@ -168,14 +168,15 @@ import resource, signal, mbinterval
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 def render(*_, real=mbinterval.render, **arguments):
     if arguments["frame"] == 3:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
     return real(*_, **arguments)
 mbinterval.render = render
 """
 
 
 def test_where_files_have_no_room_earlier_frames_stay(tmp_path, undisturbed):
-    """A limit to the size of files stands in for a full disk: a write comes back short."""
+    """A limit to the size of files, between those of the log and of an EXR, stands in for a disk
+    that is full: a write comes back short."""
     code, said = finish(start(tmp_path, "--log", "log.jsonl", before=FULL))
     assert code == 6
     assert "a.0003.exr: cannot be written" in said
