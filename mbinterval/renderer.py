@@ -91,7 +91,11 @@ def render(
     check_memory(motion, plan, memory)
     exposed = time.perf_counter() - started
     run = render_analytic if settings.method == "analytic" else render_stochastic
-    pixels = run(on, exposure, motion, plan, progress)
+    try:
+        pixels = run(on, exposure, motion, plan, progress)
+    except BaseException:
+        on.queue.finish()  # kernels in flight use buffers that go with the interrupted frames
+        raise
     return Film(
         rgba=pixels.rgba,
         depth=pixels.depth,
