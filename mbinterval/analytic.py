@@ -1,6 +1,6 @@
 """The analytic path: visibility solved as time intervals.
 
-    exact:        paths -> bin -> [place -> nearest -> solve -> envelope (or mask)
+    exact:        paths -> bin -> [place -> nearest -> solve -> envelope (or mask, or stack)
                                    -> shade -> moment -> resolve] -> share
     triangulated: paths -> bin -> [place -> nearest -> rasterize -> intervals -> sort -> occlude
                                    -> shade -> moment -> resolve] -> share     (Hong & Oh 2017)

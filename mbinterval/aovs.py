@@ -5,7 +5,8 @@ number of time intervals its ``intervals``.
 
 Values at one moment, ``Settings.aov_time``, are those of the surface that the centre of the pixel
 sees then, through the middle of the lens. They are points, never averages, so that nothing is
-mixed across an edge; in space as in time they don't depend on samples, filter or occlusion.
+mixed across an edge; in space as in time they don't depend on samples, filter or occlusion. What is
+translucent is that surface where its alpha is 0.5 or more, as Blender's Cycles has it by default.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ AOVS: Mapping[str, Aov] = {
 
 ``sharp``
     ``(H, W, 4)`` float32: the image at the moment, scene-linear and premultiplied, over the
-    background as the film is; the mean over the pixel's samples with their weights. Alpha is the
-    share of the pixel that is covered then.
+    background as the film is, layers of what is translucent blended; the mean over the pixel's
+    samples with their weights. Alpha is the share of the pixel that is covered then.
 ``depth``
     ``(H, W)`` float32: distance along the view axis; infinity where nothing is. Its channel is not
     ``depth.Z`` because compositing programs take that and ``Z``, the film's own, for one.

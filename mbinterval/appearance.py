@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,10 @@ Float32 = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """Tables of ``cl/shared/records.h``; ``texels`` is ``(n, 4)`` float32, all mip chains."""
+    """Tables of ``cl/shared/records.h``; ``texels`` is ``(n, 4)`` float32, all mip chains.
+
+    Texels are premultiplied with their alpha, which is 1 where materials ignore it.
+    """
 
     materials: NDArray[np.void]
     textures: NDArray[np.void]
@@ -33,15 +36,41 @@ def appearance(
     origin: NDArray[np.float64] | None = None,
 ) -> Appearance:
     """Tables for ``materials`` (indices stay) and ``lights``, placed relative to ``origin``."""
-    textures = list({id(m.texture): m.texture for m in materials if m.texture}.values())
-    chains = [mip_chain(texture.image) for texture in textures]
+    textures = textures_of(materials)
+    chains = [mip_chain(texture_image(texture, key[1])) for key, texture in textures.items()]
     texels = [level.reshape(-1, 4) for chain in chains for level in chain]
     return Appearance(
         materials=_material_table(materials, textures),
-        textures=_texture_table(textures, chains),
+        textures=_texture_table(list(textures.values()), chains),
         texels=np.concatenate(texels) if texels else np.zeros((0, 4), np.float32),
         lights=_light_table(lights, np.zeros(3) if origin is None else origin),
     )
+
+
+TextureKey = tuple[int, bool]
+"""Identity of a texture, and whether its alpha counts."""
+
+
+def texture_key(material: Material) -> TextureKey:
+    """Return what tells the texture of ``material`` from others on the device."""
+    return id(material.texture), material.alpha != "opaque"
+
+
+def textures_of(materials: Sequence[Material]) -> dict[TextureKey, Texture]:
+    """Return the textures in use, each once, or twice if its alpha counts for some only."""
+    return {texture_key(m): m.texture for m in materials if m.texture}
+
+
+def texture_image(texture: Texture, counts: bool) -> Float32:
+    """Texels as the device has them: premultiplied where alpha ``counts``, else alpha is 1.
+
+    So texels count by their alpha wherever they are averaged.
+    """
+    if texture.alpha_range == (1.0, 1.0):
+        return texture.image
+    color, alpha = texture.image[..., :3], texture.image[..., 3:]
+    alpha = np.clip(alpha, 0.0, 1.0) if counts else np.ones_like(alpha)
+    return np.concatenate([color * alpha, alpha], axis=2)
 
 
 def mip_chain(image: Float32) -> list[Float32]:
@@ -93,15 +122,20 @@ def _resampled(image: NDArray[Any], axis: int, size: int) -> NDArray[Any]:
     return np.moveaxis(result, 0, axis)
 
 
-def _material_table(materials: Sequence[Material], textures: list[Texture]) -> NDArray[np.void]:
-    index = {id(texture): place for place, texture in enumerate(textures)}
+def _material_table(
+    materials: Sequence[Material], textures: Mapping[TextureKey, Texture]
+) -> NDArray[np.void]:
+    index = {key: place for place, key in enumerate(textures)}
     table = np.zeros(len(materials), records.MATERIAL)
     for row, material in zip(table, materials, strict=True):
         row["specular"], row["shininess"] = material.specular, material.shininess
-        row["flags"] = (material.shading == "phong") * records.MATERIAL_PHONG + (
-            not material.double_sided
-        ) * records.MATERIAL_SINGLE_SIDED
-        row["texture"] = index.get(id(material.texture), records.NONE)
+        row["flags"] = (
+            (material.shading == "phong") * records.MATERIAL_PHONG
+            + (not material.double_sided) * records.MATERIAL_SINGLE_SIDED
+            + (material.alpha == "mask") * records.MATERIAL_MASK
+        )
+        row["texture"] = index.get(texture_key(material), records.NONE)
+        row["cutoff"] = material.alpha_cutoff
     return table
 
 

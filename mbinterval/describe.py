@@ -103,7 +103,7 @@ def _lens(exposure: Exposure) -> str:
 def _occlusion(plan: Plan) -> str:
     if plan.settings.method != "analytic":
         return "at point samples"
-    if not {"envelope", "mask", "occlude"} & set(plan.stages):
+    if not {"envelope", "mask", "stack", "occlude"} & set(plan.stages):
         return "by depth alone, since nothing moves"
     if plan.settings.occlusion == "exact":
         return "exact in time"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbinterval.alpha import has_vertex_alpha, is_translucent, varies
 from mbinterval.aovs import MACROS, MOMENTARY
 from mbinterval.sampling import filter_of, pattern_of
 from mbinterval.settings import Settings
@@ -38,6 +39,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
         *_samples(exposure, settings),
         *_shutter(exposure, moving),
         *_geometry(motion),
+        *_transparency(exposure),
         *_shading(exposure, motion),
         *_film(exposure, settings),
         *_published(settings, moving),
@@ -48,10 +50,12 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
 def _motion(
     exposure: Exposure, motion: Motion, settings: Settings, moving: bool
 ) -> tuple[Effect, ...]:
-    paths = len(motion.paths) - motion.static_paths
+    resting = int(np.sum(motion.paths["step"][motion.static_paths :] == 0))
+    paths = len(motion.paths) - motion.static_paths - resting
     segments = sorted({mesh.segments for mesh in exposure.meshes if mesh.segments})
     plural = "" if segments == [1] else "s"
     many = f", {' and '.join(map(str, segments))} motion segment{plural}" if segments else ""
+    many += f", {resting} translucent triangles at rest like them" if resting else ""
     kind = f"paths={settings.paths!r}" if moving else "nothing moves"
     camera = "the camera moves: every mesh has motion paths" if exposure.camera_moves else (
         "the camera stays"
@@ -104,6 +108,24 @@ def _geometry(motion: Motion) -> tuple[Effect, ...]:
     return (
         Effect("static geometry", static > 0, f"{static} triangles do not move", "STATIC"),
         Effect("single-sided", bool(single), _named("material", single), "SINGLE_SIDED"),
+    )
+
+
+def _transparency(exposure: Exposure) -> tuple[Effect, ...]:
+    meshes = [mesh for mesh in exposure.meshes if is_translucent(mesh)]
+    used = {id(m): m for m in (mesh.mesh.material for mesh in meshes) if m is not None}
+    named = {
+        word: _named("material", [m.name for m in used.values() if m.alpha == mode])
+        for word, mode in (("blended", "blend"), ("tested", "mask"))
+        if any(m.alpha == mode for m in used.values())
+    }
+    called = "; ".join(f"{word}: {names}" for word, names in named.items())
+    varying = [mesh.mesh.name for mesh in meshes if varies(mesh)]
+    vertices = [mesh.mesh.name for mesh in meshes if has_vertex_alpha(mesh)]
+    return (
+        Effect("transparency", bool(meshes), called or _named("material", ()), "TRANSLUCENT"),
+        Effect("alpha that varies", bool(varying), _named("mesh", varying), "ALPHA_VARIES"),
+        Effect("vertex alpha", bool(vertices), _named("mesh", vertices), "VERTEX_ALPHA"),
     )
 
 

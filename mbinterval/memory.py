@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mbinterval import stochastic, tiles
+from mbinterval import appearance, stochastic, tiles
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime
 from mbinterval.errors import CapacityError
@@ -140,8 +140,8 @@ def _mebibytes(size: int) -> str:
 
 
 def textures_of(motion: Motion) -> list[Texture]:
-    """Return the textures of the materials in use, each once."""
-    return list({id(m.texture): m.texture for m in motion.materials if m.texture}.values())
+    """Return the textures of the materials in use, as often as the device has each."""
+    return list(appearance.textures_of(motion.materials).values())
 
 
 def texel_count(texture: Texture) -> int:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.alpha import face_alpha, has_vertex_alpha, is_translucent
 from mbinterval.appearance import DEFAULT_MATERIAL
 from mbinterval.device import records
 from mbinterval.errors import CapacityError
@@ -35,11 +36,11 @@ class Motion:
         ``(n, 3)`` float64 world positions, mesh by mesh and time by time; ``jobs`` say what is
         transformed by which of the ``cameras``, into ``vertex_count`` vertices.
     paths
-        ``static_paths`` triangles that do not move, then the motion paths, mesh by mesh, segment
-        by segment, face by face.
+        ``static_paths`` opaque triangles that do not move, then the motion paths and translucent
+        triangles, mesh by mesh, segment by segment, face by face.
     meshes
-        One record per mesh, which points into ``color`` (three floats), ``uv`` (two) and ``normal``
-        (three).
+        One record per mesh, which points into ``color`` (three floats, or four where any mesh has
+        an alpha of its vertices that counts), ``uv`` (two) and ``normal`` (three).
     materials
         The materials that the mesh records name, by index.
     objects
@@ -71,7 +72,8 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     cameras, camera_index = _camera_table(exposure, width, height)
     materials = {id(_material(mesh)): _material(mesh) for mesh in meshes}
     material_index = {key: index for index, key in enumerate(materials)}
-    pools = {name: _Pool(size) for name, size in _ATTRIBUTE_SIZES.items()}
+    sizes = {"color": 4 if any(map(has_vertex_alpha, meshes)) else 3, "uv": 2, "normal": 3}
+    pools = {name: _Pool(size) for name, size in sizes.items()}
     table = np.zeros(len(meshes), records.MESH)
     jobs, paths = [], []
     first = vertex = once = 0
@@ -92,7 +94,7 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
         cameras=cameras,
         vertex_count=vertex,
         paths=_joined(paths, records.PATH),
-        static_paths=sum(len(mesh.mesh.faces) for mesh in meshes if mesh.segments == 0),
+        static_paths=sum(len(mesh.mesh.faces) for mesh in meshes if _is_static(mesh)),
         meshes=table,
         materials=tuple(materials.values()),
         objects=np.array([0, *(mesh.index + 1 for mesh in meshes)], np.uint32),
@@ -103,8 +105,13 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
 
 
 def in_order(exposure: Exposure) -> list[MeshExposure]:
-    """Return the meshes in the order of their records: those that don't move first."""
-    return sorted(exposure.meshes, key=lambda mesh: mesh.segments > 0)
+    """Return the meshes in the order of their records: opaque ones that don't move first."""
+    return sorted(exposure.meshes, key=lambda mesh: not _is_static(mesh))
+
+
+def _is_static(mesh: MeshExposure) -> bool:
+    """Whether a z-buffer is enough for it: it stands still, and hides what is behind it."""
+    return mesh.segments == 0 and not is_translucent(mesh)
 
 
 def _check_room(exposure: Exposure) -> None:
@@ -122,9 +129,6 @@ def _check_room(exposure: Exposure) -> None:
         )
 
 
-_ATTRIBUTE_SIZES = {"color": 3, "uv": 2, "normal": 3}
-
-
 class _Pool:
     """Attribute arrays one after the other; positions are counted in vectors of ``size``."""
 
@@ -133,7 +137,11 @@ class _Pool:
         self.arrays: list[NDArray[np.float32]] = []
 
     def add(self, values: NDArray[Any]) -> int:
-        start = self.count
+        """Append values, cut to the pool's size or filled up with ones; returns their place."""
+        start, missing = self.count, self.size - values.shape[-1]
+        if missing > 0:
+            values = np.concatenate([values, np.ones((*values.shape[:-1], missing))], axis=-1)
+        values = values[..., : self.size]
         self.arrays.append(values.astype(np.float32, copy=False).ravel())
         self.count += values.size // self.size
         return start
@@ -176,7 +184,8 @@ def _motion_paths(mesh: MeshExposure, index: int, vertex: int) -> Record:
     paths["face"] = np.arange(len(faces))
     paths["mesh"] = index
     base = np.asarray(_material(mesh).base_color, np.float32)
-    paths["color"] = base if mesh.face_color is None else base * mesh.face_color
+    paths["color"] = base if mesh.face_color is None else base * mesh.face_color[:, :3]
+    paths["alpha"] = face_alpha(mesh)
     ends = mesh.open + (mesh.close - mesh.open) * (np.arange(segments + 1) / segments)
     paths["open"], paths["close"] = ends[:-1, None], ends[1:, None]
     return paths.ravel()

@@ -88,6 +88,12 @@ def make_plan(
     active = {effect.macro for effect in effects if effect.active}
     if "LENS" in active and settings.paths == "triangulated":
         raise UsageError("paths='triangulated' has no lens; use paths='exact', or leave f_stop out")
+    if "TRANSLUCENT" in active and (settings.paths, settings.occlusion) != ("exact", "exact"):
+        raise UsageError(
+            "what is translucent needs paths='exact' and occlusion='exact', not "
+            f"paths={settings.paths!r} and occlusion={settings.occlusion!r}; or give materials "
+            "alpha_mode='opaque'"
+        )
     if exposure.roll is not None and set(FLOWS) & set(settings.aovs):
         raise UsageError(
             "aovs: forward and backward need all lines of a frame at one time, but the shutter "
@@ -110,7 +116,7 @@ def make_plan(
     if active & {"MOMENTARY", "AOV_SHARP"}:
         sizes["AOV_TIME"] = _float(settings.aov_time)
     sizes |= sampling_sizes(exposure, settings, active)
-    timed = _time_stages(settings) if "MOVING" in active else ()
+    timed = _time_stages(settings, active) if "MOVING" in active else ()
     return Plan(
         width=width,
         height=height,
@@ -177,9 +183,11 @@ def shutter_keys(shutter: Shutter) -> NDArray[np.void]:
     return keys
 
 
-def _time_stages(settings: Settings) -> tuple[str, ...]:
+def _time_stages(settings: Settings, active: set[str]) -> tuple[str, ...]:
     if settings.paths == "triangulated":
         return ("rasterize", "intervals", "sort", "occlude")
+    if "TRANSLUCENT" in active:
+        return ("solve", "stack")
     return ("solve", "envelope" if settings.occlusion == "exact" else "mask")
 
 

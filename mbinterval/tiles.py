@@ -28,7 +28,7 @@ _log = logging.getLogger(__name__)
 
 TILE_STAGES = (
     *("place", "nearest", "rasterize", "intervals", "sort", "occlude"),
-    *("solve", "envelope", "mask", "shade", "moment", "resolve"),
+    *("solve", "envelope", "mask", "stack", "shade", "moment", "resolve"),
 )
 """Stages of the fused kernel, in the order in which it counts their time."""
 

@@ -11,19 +11,23 @@ from mbinterval.appearance import appearance
 from mbinterval.scene.model import WRAPS, Light, Material, Texture
 
 
+def blended(texture: Texture) -> Material:
+    return Material(texture=texture, alpha_mode="blend")
+
+
 def looked_up(texture: Texture, uv: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Colours ``(M, 3)`` at ``uv`` and ``level``; another texture stands before it in the pool."""
+    """Texels ``(M, 4)`` at ``uv`` and ``level``; another texture stands before it in the pool."""
     other = Material(texture=Texture(np.full((3, 5, 3), 1e9)))
-    tables = appearance([other, Material(texture=texture)], ())
+    tables = appearance([other, blended(texture)], ())
     arrays = [
         tables.texels, tables.textures[1:], uv.astype(np.float32), level.astype(np.float32),
-        np.uint32(len(uv)), np.zeros((len(uv), 3), np.float32),
+        np.uint32(len(uv)), np.zeros((len(uv), 4), np.float32),
     ]  # fmt: skip
-    return run("shading.cl", "lookups", arrays)[-1]
+    return run("shading.cl", "lookups", arrays, ["-DALPHA_VARIES"])[-1]
 
 
 def reference(texture: Texture, uv: np.ndarray, level: np.ndarray) -> np.ndarray:
-    chain = twin.mip_chain(texture.image)
+    chain = twin.mip_chain(twin.premultiplied(blended(texture)))
     uv, level = (np.float64(np.float32(values)) for values in (uv, level))
     return twin.trilinear(chain, texture, uv, level)
 
@@ -52,8 +56,8 @@ def test_texel_centres_return_the_texels_with_v_upwards():
     row, column = np.indices((6, 4)).reshape(2, -1)
     uv = np.stack([(column + 0.5) / 4, 1 - (row + 0.5) / 6], axis=1)
     found = looked_up(Texture(image), uv, np.zeros(24))
-    assert found == pytest.approx(image.reshape(-1, 3), abs=1e-6)
-    assert np.abs(found - image[::-1].reshape(-1, 3)).max() > 0.1
+    assert found[:, :3] == pytest.approx(image.reshape(-1, 3), abs=1e-6)
+    assert np.abs(found[:, :3] - image[::-1].reshape(-1, 3)).max() > 0.1
 
 
 def test_repeats_far_from_the_origin_keep_the_texel():
@@ -125,10 +129,12 @@ def test_powers_are_those_of_double_precision_from_the_least_to_the_greatest():
 def test_levels_of_the_pool_are_those_of_the_twin():
     rng = np.random.default_rng(3)
     textures = [Texture(rng.uniform(0, 1, (*s, 4))) for s in ((4, 8), (5, 7), (1, 6), (9, 1))]
-    tables = appearance([Material(texture=texture) for texture in textures], ())
-    for record, texture in zip(tables.textures, textures, strict=True):
+    modes = ("opaque", "blend", "mask", "opaque")
+    materials = [Material(texture=t, alpha_mode=m) for t, m in zip(textures, modes, strict=True)]
+    tables = appearance(materials, ())
+    for record, texture, material in zip(tables.textures, textures, materials, strict=True):
         first = record["texel"]
-        for level in twin.mip_chain(texture.image):
+        for level in twin.mip_chain(twin.premultiplied(material)):
             texels = tables.texels[first : first + level.shape[0] * level.shape[1]]
             assert texels == pytest.approx(level.reshape(-1, 4), abs=1e-6)
             first += len(texels)

@@ -143,6 +143,13 @@ static inline bool is_covered(const Cover *c, Front front)
     return covered;
 }
 
+// Whether all that follows a path in a list, whose interval is covered, is covered too.
+static inline bool ends_list(const Tile *tile, const Cover *c, uint path, float2 window)
+{
+    bool closed = c->t0[0] <= window.x && c->t1[0] >= window.y;
+    return closed && c->far[0] < tile->shapes[path].near;
+}
+
 // Add an interval: stretches that it touches become one with it.
 static void add_cover(Cover *c, Front front)
 {
@@ -161,11 +168,12 @@ static void add_cover(Cover *c, Front front)
 }
 
 // Copy what of the sample's list may be seen into the pool `fronts`, and its starts where they are
-// sorted. The list runs from near to far: it ends where the whole shutter is covered.
-static int gather_fronts(Tile *tile, int sample, float2 window)
+// sorted; `cover` gets what that covers. The list runs from near to far: it ends where the whole
+// shutter is covered.
+static int gather_fronts(Tile *tile, int sample, float2 window, Cover *cover)
 {
-    Cover cover = {.count = 0};
     int count = 0;
+    cover->count = 0;
 #ifdef STATIC
     if (tile->static_depth[sample] < INFINITY) {
         float depth = (float)tile->static_depth[sample];
@@ -173,21 +181,23 @@ static int gather_fronts(Tile *tile, int sample, float2 window)
                         tile->static_part[sample] >> PART_BITS};
         tile->fronts[0] = always;
         tile->ordering[count++] = window.x;
-        add_cover(&cover, tile->fronts[0]);
+        add_cover(cover, tile->fronts[0]);
     }
 #endif
     for (int node = tile->heads[sample]; node >= 0; node = tile->visits[node].next) {
         Visit visit = tile->visits[node];
+#ifdef TRANSLUCENT
+        if (visit.path & TRANSLUCENT_BIT) continue;
+#endif
         Front front = {visit.t0, visit.t1, visit.near, visit.far, visit.path};
-        if (is_covered(&cover, front)) {
-            bool closed = cover.t0[0] <= window.x && cover.t1[0] >= window.y;
-            if (closed && cover.far[0] < tile->shapes[visit.path].near) break;
+        if (is_covered(cover, front)) {
+            if (ends_list(tile, cover, visit.path, window)) break;
             continue;
         }
         if (count == (int)tile->capacity) return -1;
         tile->fronts[count] = front;
         tile->ordering[count++] = visit.t0;
-        add_cover(&cover, front);
+        add_cover(cover, front);
     }
     return count;
 }
@@ -251,9 +261,9 @@ static int merge_chains(Tile *tile, Place place, int chains, global int *starts)
 }
 
 // The sample's envelope, in the pool `merged`; returns its length, or -1 when a pool is full.
-static int envelope_sample(Tile *tile, int sample, Place place, float2 window)
+static int envelope_sample(Tile *tile, int sample, Place place, float2 window, Cover *cover)
 {
-    int count = gather_fronts(tile, sample, window);
+    int count = gather_fronts(tile, sample, window, cover);
     if (count < 2) {
         if (count == 1) tile->merged[0] = tile->fronts[0];
         return count;
@@ -266,23 +276,31 @@ static int envelope_sample(Tile *tile, int sample, Place place, float2 window)
     return merge_chains(tile, place, chains, starts);
 }
 
+// Append the sample's envelope as spans. False when the pool is full.
+static bool append_envelope(Tile *tile, int count, float2 window)
+{
+    if ((uint)count > tile->capacity - tile->span_count) return false;
+    for (int k = 0; k < count; k++) {
+        Front front = tile->merged[k];
+        float before = light_until(&tile->scene, window, front.t0);
+        float weight = light_until(&tile->scene, window, front.t1) - before;
+        Span span = {front.t0, front.t1, weight, front.path};
+        tile->spans[tile->span_count++] = span;
+    }
+    return true;
+}
+
 // Spans of every sample of the piece. False when a pool is full.
 static bool envelope(Tile *tile)
 {
     tile->span_count = 0;
+    Cover cover;
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
         Place place = place_of(tile, i);
         float2 window = window_of(tile, i);
-        int count = envelope_sample(tile, i, place, window);
-        if (count < 0 || (uint)count > tile->capacity - tile->span_count) return false;
+        int count = envelope_sample(tile, i, place, window, &cover);
         Run run = {tile->span_count, (uint)count};
-        for (int k = 0; k < count; k++) {
-            Front front = tile->merged[k];
-            float before = light_until(&tile->scene, window, front.t0);
-            float weight = light_until(&tile->scene, window, front.t1) - before;
-            Span span = {front.t0, front.t1, weight, front.path};
-            tile->spans[tile->span_count++] = span;
-        }
+        if (count < 0 || !append_envelope(tile, count, window)) return false;
         tile->span_runs[i] = run;
     }
     return true;

@@ -9,6 +9,10 @@
 #include "analytic/shutter.h"
 #include "analytic/surface_color.h"
 
+#ifdef TRANSLUCENT
+#define ALPHA_THERE 0.5f // from which on a translucent surface is what is seen
+#endif
+
 // Rows and columns of a tile, low <= x < high.
 typedef struct {
     int x_low, x_high, y_low, y_high;
@@ -69,12 +73,58 @@ static Box box_of(const Tile *tile, const MovingTriangle *m, Box box)
     return box;
 }
 
+#ifdef ALPHA_VARIES
+// Leave out those of the samples at hand at which too little of the frozen path is there.
+static void keep_there(const Tile *tile, Gather *g, double tau)
+{
+    if (!(g->path.alpha < 0.0f)) return;
+    Shaded s = load_shaded(tile, g->index);
+    Place first = gathered_place(g, 0);
+    s.place = first;
+    load_attributes(tile, &s);
+    float shares[6][LANES], alpha[LANES];
+    for (int k = 0; k < LANES; k++) {
+        Place place = gathered_place(g, min(k, g->waiting - 1));
+        double b[3][3], sum = 0.0;
+        for (int i = 0; i < 3; i++) {
+            edge_function(&g->triangle, i, place, b[i]);
+            sum += b[i][0];
+        }
+        for (int i = 0; i < 3; i++) {
+            shares[i][k] = (float)(b[i][0] / sum * (1.0 - tau));
+            shares[i + 3][k] = (float)(b[i][0] / sum * tau);
+        }
+    }
+    Lanes weights[6];
+    for (int i = 0; i < 6; i++) weights[i] = vload16(0, shares[i]);
+    Attributes a = blend_corners(&s, weights);
+    vstore16(surface_alpha(tile, &s, &a, g->waiting), 0, alpha);
+    int kept = 0;
+    for (int k = 0; k < g->waiting; k++) {
+        if (!(alpha[k] >= ALPHA_THERE)) continue; // nor where it is seen edge-on
+        g->samples[kept] = g->samples[k];
+        g->x[kept] = g->x[k], g->y[kept++] = g->y[k];
+    }
+    g->waiting = kept;
+}
+#endif
+
+static void see_gathered(Tile *tile, Gather *g, double tau)
+{
+#ifdef ALPHA_VARIES
+    keep_there(tile, g, tau);
+#endif
+    if (g->waiting > 0) nearest_of_gathered(tile, g);
+    g->waiting = 0;
+}
+
 // The path as it is at `t` into the z-buffer of the box.
 static void see_frozen(Tile *tile, const MovingTriangle *moving, Gather *g, float t, Box box)
 {
     bool there = g->path.step == 0 || (g->path.open <= t && t < g->path.close);
     if (!there) return;
-    freeze_triangle(moving, local_moment(g->path, t), &g->triangle);
+    double tau = local_moment(g->path, t);
+    freeze_triangle(moving, tau, &g->triangle);
     box = box_of(tile, &g->triangle, box);
     g->waiting = 0;
     for (int y = box.y_low; y < box.y_high; y++)
@@ -82,16 +132,17 @@ static void see_frozen(Tile *tile, const MovingTriangle *moving, Gather *g, floa
             Place place = centre_of(tile, x, y);
             g->samples[g->waiting] = y * TILE + x;
             g->x[g->waiting] = place.x, g->y[g->waiting] = place.y;
-            if (++g->waiting < WIDE) continue;
-            nearest_of_gathered(tile, g);
-            g->waiting = 0;
+            if (++g->waiting == WIDE) see_gathered(tile, g, tau);
         }
-    if (g->waiting > 0) nearest_of_gathered(tile, g);
+    if (g->waiting > 0) see_gathered(tile, g, tau);
 }
 
 static void see_path(Tile *tile, uint path, Gather *g)
 {
     begin_gather(tile, path, g);
+#ifdef TRANSLUCENT
+    if (g->path.alpha >= 0.0f && g->path.alpha < ALPHA_THERE) return;
+#endif
     MovingTriangle moving = g->triangle;
     Box box = {tile->x_low, tile->x_high, tile->y_low, tile->y_high};
 #if defined(ROLLING_COLUMNS)

@@ -21,14 +21,14 @@
 #endif
 
 // The light that passes in each of the n equal parts of the span from `first` on; nothing beyond n.
-static inline Lanes part_light(const Tile *tile, const Shaded *s, Span span, int first, int n)
+static inline Lanes part_light(const Tile *tile, float2 window, Span span, int first, int n)
 {
 #ifdef SHUTTER_CURVE
     if (span.t0 == span.t1) return LANE_INDEX < 1.0f ? (Lanes)(1.0f) : (Lanes)(0.0f);
     float light[LANES], step = (span.t1 - span.t0) / n;
-    float before = light_until(&tile->scene, s->window, span.t0 + step * first);
+    float before = light_until(&tile->scene, window, span.t0 + step * first);
     for (int i = 0; i < LANES; i++) {
-        float after = light_until(&tile->scene, s->window, span.t0 + step * min(first + i + 1, n));
+        float after = light_until(&tile->scene, window, span.t0 + step * min(first + i + 1, n));
         light[i] = after - before;
         before = after;
     }
@@ -38,17 +38,21 @@ static inline Lanes part_light(const Tile *tile, const Shaded *s, Span span, int
 #endif
 }
 
-#ifdef TEXTURED
-// Mip level at which a sample's share of the span's longest extent is one texel.
+// Mip level at which a sample's share of the span's longest extent is one texel; a test of alpha
+// is made of the texture itself.
 static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Span span, int n)
 {
+#ifdef TEXTURED
+    if (s->material.texture == NONE || (s->material.flags & MATERIAL_MASK)) return 0.0f;
     Texture texture = tile->scene.textures[s->material.texture];
     Attributes a = attributes_at(s, v, LANE_INDEX < 1.0f ? (Lanes)(span.t0) : (Lanes)(span.t1));
     float2 extent = fabs((float2)(a.u.s1 - a.u.s0, a.v.s1 - a.v.s0))
                     * (float2)(texture.width, texture.height);
     return log2(fmax(fmax(extent.x, extent.y) / n, 1.0f));
-}
+#else
+    return 0.0f;
 #endif
+}
 
 // Number of places along a span at which its colour is found: one where it has no length.
 static inline int places_along(Span span)
@@ -59,32 +63,36 @@ static inline int places_along(Span span)
     return TEXTURE_SAMPLES;
 }
 
+// Colours at sixteen of the n places along the span, from `first` on; the last one repeated beyond.
+static Colors colors_along(const Tile *tile, const Shaded *s, const Varying *v, Span span,
+                           float level, int first, int n)
+{
+    Lanes i = lanes_min(first + LANE_INDEX, (Lanes)(n - 1.0f));
+    Lanes t = span.t0 + (span.t1 - span.t0) * ((i + 0.5f) / n);
+    Attributes a = attributes_at(s, v, t);
+    Lanes w = 1.0f, across = 0.0f, down = 0.0f; // depth is for what lies near
+#if defined(PHONG) && (defined(POINT_LIGHTS) || defined(LENS))
+    w = varying_depth(v, t);
+#endif
+#if defined(PHONG) && defined(LENS)
+    // A point is seen through the middle of the lens where its circle of confusion is not.
+    w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
+    across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
+#endif
+    return surface_color(tile, s, &a, level, n - first, t, w, across, down);
+}
+
 // Average colour of the span, from so many places, sixteen at a time.
 static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 {
     const int n = places_along(span);
     Varying v = prepare_varying(tile, s, span);
-    float level = 0.0f;
-#ifdef TEXTURED
-    if (s->material.texture != NONE) level = span_level(tile, s, &v, span, n);
-#endif
+    float level = span_level(tile, s, &v, span, n);
     float3 sum = 0.0f;
     float total = 0.0f;
     for (int first = 0; first < n; first += LANES) {
-        Lanes i = lanes_min(first + LANE_INDEX, (Lanes)(n - 1.0f));
-        Lanes t = span.t0 + (span.t1 - span.t0) * ((i + 0.5f) / n);
-        Attributes a = attributes_at(s, &v, t);
-        Lanes w = 1.0f, across = 0.0f, down = 0.0f; // depth is for what lies near
-#if defined(PHONG) && (defined(POINT_LIGHTS) || defined(LENS))
-        w = varying_depth(&v, t);
-#endif
-#if defined(PHONG) && defined(LENS)
-        // A point is seen through the middle of the lens where its circle of confusion is not.
-        w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
-        across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
-#endif
-        Lanes3 here = surface_color(tile, s, &a, level, n - first, t, w, across, down);
-        Lanes light = part_light(tile, s, span, first, n);
+        Colors here = colors_along(tile, s, &v, span, level, first, n);
+        Lanes light = part_light(tile, s->window, span, first, n);
         sum += (float3)(lanes_sum(light * here.x), lanes_sum(light * here.y),
                         lanes_sum(light * here.z));
         total += lanes_sum(light);
@@ -111,6 +119,10 @@ static float3 span_color(const Tile *tile, int sample, Span span, Place place, f
     return load3(tile->scene.paths[path].color);
 }
 
+#ifdef TRANSLUCENT
+#include "analytic/blend.h"
+#endif
+
 #define SPANS_AHEAD 4 // spans ahead of which their paths are asked for
 
 static inline void fetch_path(const Tile *tile, uint path)
@@ -129,12 +141,23 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
     float2 window = window_of(tile, sample);
     float4 color = 0.0f;
     float depth = 0.0f;
+#ifdef TRANSLUCENT
+    for (uint i = 0, size; i < count; i += size) {
+        size = stack_size(spans + i, count - i);
+        for (uint k = i + size; k < min(i + 2 * size, count); k++)
+            fetch_path(tile, span_path(tile, spans[k]));
+        Blended stack = blend_stack(tile, sample, spans + i, size,
+                                    (float2)(spans[i].t0, spans[i].t1), place, window);
+        color += spans[i].weight * stack.color, depth += spans[i].weight * stack.depth;
+    }
+#else
     for (uint i = 0; i < count; i++) {
         if (i + SPANS_AHEAD < count) fetch_path(tile, span_path(tile, spans[i + SPANS_AHEAD]));
         Span span = spans[i];
         color += span.weight * (float4)(span_color(tile, sample, span, place, window), 1.0f);
         depth += span.weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
     }
+#endif
     tile->color[pixel] += weight_of(tile, sample) * color;
     tile->depth[pixel] += weight_of(tile, sample) * depth;
 }
@@ -149,6 +172,12 @@ static void add_moment(Tile *tile, int sample, int pixel, global const Span *spa
     for (uint i = 0; i < count; i++) {
         Span span = spans[i];
         if (!(span.t0 <= t && t < span.t1)) continue;
+#ifdef TRANSLUCENT
+        Blended stack = blend_stack(tile, sample, spans + i, stack_size(spans + i, count - i),
+                                    (float2)(t), place, window);
+        tile->sharp[pixel] += weight_of(tile, sample) * stack.color;
+        return;
+#endif
         span.t0 = span.t1 = t;
         float3 color = span_color(tile, sample, span, place, window);
         tile->sharp[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);

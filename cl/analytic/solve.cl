@@ -11,6 +11,16 @@
 #include "analytic/shutter.h"
 #include "shared/bernstein.h"
 
+// The path as its visits name it.
+static inline uint visited_path(const Gather *g)
+{
+#ifdef TRANSLUCENT
+    return g->index | (g->path.alpha < 1.0f ? TRANSLUCENT_BIT : 0u);
+#else
+    return g->index;
+#endif
+}
+
 // Append what the path covers of the sample.
 static inline bool append_visit(Tile *tile, int sample, Visit visit)
 {
@@ -90,7 +100,7 @@ static bool solve_any(Tile *tile, const Gather *g, int sample, Place place)
         double high = k < changes.count ? changes.time[k] : 1.0;
         bool covered = positive == 0 || (positive == back && !g->single_sided);
         Visit visit = {shutter_time(g, low), shutter_time(g, high), g->shape->near,
-                       g->shape->far, g->index, -1};
+                       g->shape->far, visited_path(g), -1};
         if (covered && !append_visit(tile, sample, visit)) return false;
         if (k < changes.count) positive ^= 1 << changes.function[k];
         low = high;
@@ -144,7 +154,7 @@ static inline void store_covered(const Gather *g, Wide low, Wide high, Covered *
 
 static inline bool append_covered(Tile *tile, const Gather *g, const Covered *c, int i)
 {
-    Visit visit = {c->t0[i], c->t1[i], c->near[i], c->far[i], g->index, -1};
+    Visit visit = {c->t0[i], c->t1[i], c->near[i], c->far[i], visited_path(g), -1};
     return append_visit(tile, g->samples[i], visit);
 }
 

@@ -56,7 +56,7 @@ static void shade_still(Tile *tile, Still *still)
 #endif
     }
     Shaded s = load_shaded(tile, still->path);
-    Lanes3 color = {s.path.color[0], s.path.color[1], s.path.color[2]};
+    Colors color = {s.path.color[0], s.path.color[1], s.path.color[2]};
     if (varies_on_surface(&s)) {
         Place place = {still->x[0], still->y[0], 0.0f, 0.0f};
         s.place = place;

@@ -32,15 +32,22 @@ static void load_attributes(const Tile *tile, Shaded *s)
 
 // Colours with these attributes at times t and depths w, `count` of which matter, of what is seen
 // (across, down) pixels from the place; the texture at mip level `level`.
-static Lanes3 surface_color(const Tile *tile, const Shaded *s, const Attributes *a, float level,
+static Colors surface_color(const Tile *tile, const Shaded *s, const Attributes *a, float level,
                             int count, Lanes t, Lanes w, Lanes across, Lanes down)
 {
     const float *base = s->path.color;
     Lanes3 color = {base[0] * a->color.x, base[1] * a->color.y, base[2] * a->color.z};
+#ifdef ALPHA_VARIES
+    Lanes alpha = vertex_alpha(a);
+#endif
 #ifdef TEXTURED
     if (s->material.texture != NONE) {
         Texture texture = tile->scene.textures[s->material.texture];
-        Lanes3 texel = texture_at(tile->scene.texels, texture, a->u, a->v, level, count);
+        Colors texel = texture_at(tile->scene.texels, texture, a->u, a->v, level, count);
+#ifdef ALPHA_VARIES
+        alpha *= texel.alpha;
+        texel = unpremultiplied(texel);
+#endif
         color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
     }
 #endif
@@ -50,7 +57,26 @@ static Lanes3 surface_color(const Tile *tile, const Shaded *s, const Attributes 
         color = reflect_light(&tile->scene, s, a, color, t, w, across, down);
     }
 #endif
-    return color;
+    Colors colors = {color.x, color.y, color.z};
+#ifdef ALPHA_VARIES
+    colors.alpha = counted_alpha(s, alpha);
+#endif
+    return colors;
 }
+
+#ifdef ALPHA_VARIES
+// Alphas alone, the texture at its finest level.
+static Lanes surface_alpha(const Tile *tile, const Shaded *s, const Attributes *a, int count)
+{
+    Lanes alpha = vertex_alpha(a);
+#ifdef TEXTURED
+    if (s->material.texture != NONE) {
+        Texture texture = tile->scene.textures[s->material.texture];
+        alpha *= texture_at(tile->scene.texels, texture, a->u, a->v, 0.0f, count).alpha;
+    }
+#endif
+    return counted_alpha(s, alpha);
+}
+#endif
 
 #endif

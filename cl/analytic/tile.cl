@@ -3,7 +3,8 @@
 //
 //     triangulated: place -> nearest -> rasterize -> intervals -> sort -> occlude
 //                   -> shade -> moment -> resolve
-//     exact:        place -> nearest -> solve -> envelope (or mask) -> shade -> moment -> resolve
+//     exact:        place -> nearest -> solve -> envelope -> shade -> moment -> resolve,
+//                   with mask or stack for envelope
 //
 // Stages between nearest and shade exist only where something moves, place only where samples lie
 // differently in every pixel, moment only where its layers are asked for. Nothing is lost when a
@@ -18,8 +19,10 @@
 #endif
 #if defined(MOVING) && defined(EXACT)
 #include "analytic/solve.cl"
-#ifdef MASK_BITS
+#if defined(MASK_BITS)
 #include "analytic/mask.cl"
+#elif defined(TRANSLUCENT)
+#include "analytic/stack.cl"
 #else
 #include "analytic/envelope.cl"
 #endif
@@ -36,8 +39,8 @@
 #include "analytic/resolve.cl"
 
 // What a work-item counts: ticks of each stage, and pairs that were tested and hit.
-enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, SHADE, MOMENT,
-       RESOLVE, TESTS, HITS,
+enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, STACK, SHADE,
+       MOMENT, RESOLVE, TESTS, HITS,
        COUNTERS };
 
 #ifdef CLANG_BUILTINS
@@ -67,8 +70,10 @@ static bool render_piece(Tile *tile, global ulong *ticks)
 #endif
 #if defined(MOVING) && defined(EXACT)
     if (!clocked(solve(tile), SOLVE, ticks, &clock)) return false;
-#ifdef MASK_BITS
+#if defined(MASK_BITS)
     if (!clocked(mask(tile), MASK, ticks, &clock)) return false;
+#elif defined(TRANSLUCENT)
+    if (!clocked(stack(tile), STACK, ticks, &clock)) return false;
 #else
     if (!clocked(envelope(tile), ENVELOPE, ticks, &clock)) return false;
 #endif

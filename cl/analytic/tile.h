@@ -10,7 +10,8 @@
 // EXACT, STATIC, SINGLE_SIDED, PHONG, POINT_LIGHTS, TEXTURED, VERTEX_COLOR,
 // BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie
 // differently in every pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED,
-// SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS; AOV_TIME and the layers of aov.h.
+// SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS, TRANSLUCENT (what is seen through),
+// ALPHA_VARIES (over a surface), VERTEX_ALPHA; AOV_TIME and the layers of aov.h.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
@@ -27,6 +28,7 @@
 #define SAMPLE_WORDS 18
 #endif
 #define SORT_ARRAYS 9
+#define NO_LIGHT 1e-6f // transmittance below which what lies behind is not seen
 #define ORDER_ARRAYS 5
 #ifdef AOV_SHARP
 #define PIXEL_VECTORS 3 // scratch float4s per pixel: color; depth, count, operations; sharp
@@ -38,7 +40,7 @@ typedef struct {
     Scene scene;
     global const Shape *shapes;  // of the paths
     global const Depth *depths;  // likewise; exact paths only
-    uint static_paths;           // the first paths, which do not move
+    uint static_paths;           // the first paths, opaque, which do not move
     int x, y;                    // first pixel of the tile in the frame
     int x_low, x_high;           // columns of the tile that are rendered, low <= x < high
     int y_low, y_high;           // rows likewise

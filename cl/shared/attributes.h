@@ -20,6 +20,9 @@ typedef struct {
     float2 window; // when the sample is exposed
     float2 uv[6];
     float3 normal[6], color[6];
+#ifdef VERTEX_ALPHA
+    float alpha[6];
+#endif
     float circle[6];
     float3 ray[2], eye[2]; // at the segment's start and end: eye + w ray is seen at depth w, in the
                            // world's directions, relative to the first camera's eye
@@ -30,6 +33,9 @@ typedef struct {
     Lanes u, v;
     Lanes3 normal, color;
     Lanes circle;
+#ifdef VERTEX_ALPHA
+    Lanes alpha;
+#endif
 } Attributes;
 
 static inline uint corner_vertex(Path path, int corner)
@@ -67,11 +73,26 @@ static float3 face_normal(const Scene *scene, const Shaded *s, int end)
 }
 #endif
 
+#ifdef VERTEX_COLOR
+static inline void load_color(const Scene *scene, Shaded *s, uint index, int corner)
+{
+#ifdef VERTEX_ALPHA
+    float4 color = vload4(index, scene->vertex_colors);
+    s->color[corner] = color.xyz, s->alpha[corner] = color.w;
+#else
+    s->color[corner] = vload3(index, scene->vertex_colors);
+#endif
+}
+#endif
+
 static void load_corners(const Scene *scene, Shaded *s)
 {
     Mesh mesh = s->mesh;
     for (int i = 0; i < 6; i++) {
         s->uv[i] = 0.0f, s->normal[i] = 0.0f, s->color[i] = 1.0f, s->circle[i] = 0.0f;
+#ifdef VERTEX_ALPHA
+        s->alpha[i] = 1.0f;
+#endif
 #ifdef LENS
         s->circle[i] = (float)scene->vertices[corner_vertex(s->path, i)].circle;
 #endif
@@ -81,8 +102,7 @@ static void load_corners(const Scene *scene, Shaded *s)
 #endif
 #ifdef VERTEX_COLOR
         if (mesh.color != NONE)
-            s->color[i] = vload3(attribute_index(s, mesh.color, mesh.color_step, i),
-                                 scene->vertex_colors);
+            load_color(scene, s, attribute_index(s, mesh.color, mesh.color_step, i), i);
 #endif
 #ifdef PHONG
         if (mesh.normal != NONE)
@@ -112,11 +132,36 @@ static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
     a.color.x = a.color.y = a.color.z = 0.0f;
     for (int i = 0; i < 6; i++) a.color = lanes_added(a.color, weights[i], s->color[i]);
 #endif
+#ifdef VERTEX_ALPHA
+    a.alpha = 0.0f;
+    for (int i = 0; i < 6; i++) a.alpha += weights[i] * s->alpha[i];
+#endif
 #ifdef LENS
     for (int i = 0; i < 6; i++) a.circle += weights[i] * s->circle[i];
 #endif
     return a;
 }
+
+#ifdef ALPHA_VARIES
+static inline Lanes vertex_alpha(const Attributes *a)
+{
+#ifdef VERTEX_ALPHA
+    return a->alpha;
+#else
+    return 1.0f;
+#endif
+}
+
+// Alpha that counts, of what vertices and texture say: from 0 to 1, or one of these if it is
+// tested.
+static inline Lanes counted_alpha(const Shaded *s, Lanes alpha)
+{
+    if (!(s->path.alpha < 0.0f)) return s->path.alpha;
+    alpha = lanes_min(lanes_max(-s->path.alpha * alpha, (Lanes)(0.0f)), (Lanes)(1.0f));
+    if (!(s->material.flags & MATERIAL_MASK)) return alpha;
+    return alpha >= s->material.cutoff ? (Lanes)(1.0f) : (Lanes)(0.0f);
+}
+#endif
 
 #ifdef PHONG
 // The view through the sample's point of the film at the segment's start and end.

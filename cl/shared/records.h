@@ -48,7 +48,8 @@ typedef struct {
     uint mesh;
     float open, close; // times of the segment's ends, in the shutter's [0, 1]
     float color[3]; // of the face: what vertex colours, textures and light multiply
-    uint unused;
+    float alpha;    // 1 is opaque, less translucent; below 0 it varies, and this is minus the
+                    // factor that vertex colours and textures multiply
 } Path;
 
 static inline float path_length(Path path) { return path.close - path.open; }
@@ -72,10 +73,12 @@ typedef struct {
     float specular[3], shininess;
     uint flags;    // MATERIAL_*
     uint texture;  // NONE or index
+    float cutoff;  // alpha below which a MATERIAL_MASK is not there
 } Material;
 
 #define MATERIAL_PHONG 1u
 #define MATERIAL_SINGLE_SIDED 2u
+#define MATERIAL_MASK 4u // alpha is tested, not blended
 
 // A texture's mip chain, level 0 first, each half the size of the one before, at least 1.
 typedef struct {
@@ -149,9 +152,11 @@ typedef struct {
 // A time interval of an exact path: when it covers a sample, and bounds of its depth then.
 typedef struct {
     float t0, t1, near, far;
-    uint path;
-    int next; // next interval of the sample, -1 at the end
+    uint path; // with TRANSLUCENT_BIT where it is translucent
+    int next;  // next interval of the sample, -1 at the end
 } Visit;
+
+#define TRANSLUCENT_BIT 0x80000000u
 
 // A fragment: where one triangle of a path's surface is hit (Hong & Oh 2017, 4.3).
 typedef struct {
@@ -175,7 +180,8 @@ typedef struct {
     uint path;
 } Front;
 
-// A visible piece of an interval.
+// A visible piece of an interval. Spans of the same times are a stack, front to back: all but the
+// last are translucent.
 typedef struct {
     float t0, t1;
     float weight; // of the shutter

@@ -7,6 +7,14 @@
 
 static inline float3 load3(global const float *p) { return (float3)(p[0], p[1], p[2]); }
 
+// Sixteen colours, with alpha where it varies over a surface. Those of textures are premultiplied.
+typedef struct {
+    Lanes x, y, z;
+#ifdef ALPHA_VARIES
+    Lanes alpha;
+#endif
+} Colors;
+
 // One level of a texture's mip chain.
 typedef struct {
     global const float4 *texels;
@@ -36,7 +44,7 @@ static inline int16 wrap_texels(Lanes i, int size, uint wrap)
 
 // Bilinear look-ups at the first `count` places, others are zero; texel centres at one half, v
 // points up.
-static Lanes3 bilinear(TextureLevel level, Lanes u, Lanes v, int count)
+static Colors bilinear(TextureLevel level, Lanes u, Lanes v, int count)
 {
     Lanes x = u * (float)level.width - 0.5f, y = (1.0f - v) * (float)level.height - 0.5f;
     x = lanes_min(lanes_max(x, -1e6f), (Lanes)(1e6f)); // a whole number must hold them
@@ -48,6 +56,9 @@ static Lanes3 bilinear(TextureLevel level, Lanes u, Lanes v, int count)
     vstore16(wrap_texels(y0, level.height, level.wrap) * level.width, 0, top);
     vstore16(wrap_texels(y0 + 1.0f, level.height, level.wrap) * level.width, 0, bottom);
     float across[LANES], down[LANES], r[LANES], g[LANES], b[LANES];
+#ifdef ALPHA_VARIES
+    float alpha[LANES];
+#endif
     vstore16(x - x0, 0, across), vstore16(y - y0, 0, down);
     for (int i = 0; i < LANES; i++) {
         float4 texel = 0.0f;
@@ -57,27 +68,45 @@ static Lanes3 bilinear(TextureLevel level, Lanes u, Lanes v, int count)
                         mix(lower[left[i]], lower[right[i]], across[i]), down[i]);
         }
         r[i] = texel.x, g[i] = texel.y, b[i] = texel.z;
+#ifdef ALPHA_VARIES
+        alpha[i] = texel.w;
+#endif
     }
-    Lanes3 found = {vload16(0, r), vload16(0, g), vload16(0, b)};
+    Colors found = {vload16(0, r), vload16(0, g), vload16(0, b)};
+#ifdef ALPHA_VARIES
+    found.alpha = vload16(0, alpha);
+#endif
     return found;
 }
 
 // Trilinear look-ups at mip level `level` and the first `count` places; others are zero.
-static Lanes3 texture_at(global const float4 *texels, Texture texture, Lanes u, Lanes v,
+static Colors texture_at(global const float4 *texels, Texture texture, Lanes u, Lanes v,
                          float level, int count)
 {
     level = clamp(level, 0.0f, texture.levels - 1.0f);
     uint below = min((uint)level, texture.levels - 1), above = min(below + 1, texture.levels - 1);
     if (texture.wrap != WRAP_CLAMP)
         u -= floor(u / 2.0f) * 2.0f, v -= floor(v / 2.0f) * 2.0f;
-    Lanes3 fine = bilinear(texture_level(texels, texture, below), u, v, count);
+    Colors fine = bilinear(texture_level(texels, texture, below), u, v, count);
     if (above == below || level == below) return fine;
-    Lanes3 coarse = bilinear(texture_level(texels, texture, above), u, v, count);
+    Colors coarse = bilinear(texture_level(texels, texture, above), u, v, count);
     Lanes part = level - below;
+#ifdef ALPHA_VARIES
+    fine.alpha = mix(fine.alpha, coarse.alpha, part);
+#endif
     fine.x = mix(fine.x, coarse.x, part), fine.y = mix(fine.y, coarse.y, part);
     fine.z = mix(fine.z, coarse.z, part);
     return fine;
 }
+
+#ifdef ALPHA_VARIES
+static inline Colors unpremultiplied(Colors c)
+{
+    Lanes over = c.alpha > 0.0f ? 1.0f / c.alpha : (Lanes)(0.0f);
+    c.x *= over, c.y *= over, c.z *= over;
+    return c;
+}
+#endif
 
 // x^y for 0 < x <= 1 and y >= 0, to 1e-7 of the logarithm and 0 below 2^-40: by the series of
 // artanh for log2 and of exp. Devices' own pow serves all arguments, at ten times the cost, and its

@@ -36,6 +36,9 @@ typedef struct {
     float near;
     uint path;
     bool single_sided;
+#ifdef TRANSLUCENT
+    float alpha;               // the path's
+#endif
 } Moving;
 
 // Sixteen samples.
@@ -136,6 +139,9 @@ static Moving load_moving(const Tile *tile, uint index)
     m.near = bounds.near;
     m.path = index;
     m.single_sided = bounds.flags & BOUNDS_SINGLE_SIDED;
+#ifdef TRANSLUCENT
+    m.alpha = path.alpha;
+#endif
     return m;
 }
 

@@ -22,9 +22,7 @@ typedef struct {
 
 static Seeds seeds_of(const Tile *tile, int block)
 {
-    uint16 x = convert_uint16(convert_int16(block_x(block)) + tile->x);
-    uint16 y = convert_uint16(convert_int16(block_y(block)) + tile->y);
-    uint16 pixel = mix_lanes(x ^ mix_lanes(y ^ mix_bits(tile->scene.seed)));
+    uint16 pixel = pixel_seeds(tile, block);
     Seeds seeds = {mix_lanes(pixel + 1u), mix_lanes(pixel + 2u), mix_lanes(pixel + 3u),
                    mix_lanes(pixel + 4u), mix_lanes(pixel + 5u)};
     return seeds;

@@ -5,15 +5,7 @@
 // pixel that see the same triangle, at their mean place and time, as multisampling does
 // (SHADE_PIXEL; with SHADE_HYBRID only what does not move, Akenine-Moeller et al. 2007, 5). Samples
 // are points, which is why textures are read at their finest level.
-#include "stochastic/moving.h"
-#include "shared/attributes.h"
-#ifdef COUNT_TEXELS
-#include "stochastic/texels.h"
-#endif
-
-#if defined(PHONG) || defined(TEXTURED) || defined(VERTEX_COLOR)
-#define VARYING
-#endif
+#include "stochastic/surface.h"
 
 // Sign of the filter's weight at a sample: only one with negative lobes has two.
 static inline float sign_of_sample(const Tile *tile, int index, int pixel)
@@ -26,12 +18,6 @@ static inline float sign_of_sample(const Tile *tile, int index, int pixel)
 #else
     return 1.0f;
 #endif
-}
-
-// Colour of a path where it does not vary, and alpha 1; nothing of NONE.
-static inline float4 path_color(const Tile *tile, uint path)
-{
-    return path == NONE ? (float4)(0.0f) : (float4)(load3(tile->scene.paths[path].color), 1.0f);
 }
 
 static inline void add_sample(Tile *tile, int index, float4 color)
@@ -54,76 +40,6 @@ static inline void add_sample(Tile *tile, int index, float4 color)
 }
 
 #ifdef VARYING
-
-// A path whose colour varies: ready to be asked for sixteen samples.
-typedef struct {
-    uint path;
-    bool flat;
-    Moving moving;
-    Shaded shaded;
-} Surface;
-
-static void load_surface(const Tile *tile, uint path, Surface *surface)
-{
-    surface->path = path;
-    Shaded *s = &surface->shaded;
-    s->path = tile->scene.paths[path];
-    s->mesh = tile->scene.meshes[s->path.mesh];
-    s->material = tile->scene.materials[s->mesh.material];
-    surface->flat = s->material.texture == NONE && !(s->material.flags & MATERIAL_PHONG)
-                    && s->mesh.color == NONE;
-    if (surface->flat) return;
-    s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
-    s->place.x = tile->x + HALF, s->place.y = tile->y + HALF, s->place.u = s->place.v = 0.0f;
-    surface->moving = load_moving(tile, path);
-    load_corners(&tile->scene, s);
-#ifdef PHONG
-    load_view(&tile->scene, s);
-#endif
-}
-
-// Colours of the surface at samples, `count` of which matter.
-static Lanes3 surface_colors(Tile *tile, const Surface *surface, const Samples *samples,
-                             Lanes w, int count)
-{
-    const Moving *m = &surface->moving;
-    const Shaded *s = &surface->shaded;
-    Lanes tau = time_in_segment(m, samples->t);
-    Lanes3 p[3];
-    for (int i = 0; i < 3; i++) p[i] = vertex_at(m, i, samples, tau);
-    Lanes e[3] = {edge_of(p[1], p[2]), edge_of(p[2], p[0]), edge_of(p[0], p[1])};
-    Lanes sum = (e[0] + e[1]) + e[2], weights[6];
-    for (int i = 0; i < 3; i++) {
-        Lanes share = sum != 0.0f ? e[i] / sum : (Lanes)(1.0f / 3.0f);
-        // A mean place may lie outside of the triangle.
-        share = lanes_min(lanes_max(share, (Lanes)(0.0f)), (Lanes)(1.0f));
-        weights[i] = share * (1.0f - tau), weights[i + 3] = share * tau;
-    }
-    Attributes a = blend_corners(s, weights);
-    float4 base = path_color(tile, surface->path);
-    Lanes3 color = {base.x * a.color.x, base.y * a.color.y, base.z * a.color.z};
-#ifdef TEXTURED
-    if (s->material.texture != NONE) {
-        Texture texture = tile->scene.textures[s->material.texture];
-#ifdef COUNT_TEXELS
-        count_texels(tile, texture, a.u, a.v, count);
-#endif
-        Lanes3 texel = texture_at(tile->scene.texels, texture, a.u, a.v, 0.0f, count);
-        color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
-    }
-#endif
-#ifdef PHONG
-    if (s->material.flags & MATERIAL_PHONG) {
-        Lanes across = samples->x, down = samples->y;
-        w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
-#ifdef LENS
-        across -= samples->u * a.circle / w, down -= samples->v * a.circle / w;
-#endif
-        color = reflect_light(&tile->scene, s, &a, color, samples->t, w, across, down);
-    }
-#endif
-    return color;
-}
 
 // The samples of `list`, the last one repeated where there are fewer than sixteen; w is their
 // depth.
@@ -177,7 +93,7 @@ static Samples mean_of_listed(const Tile *tile, const int *list, int count, Lane
     return mean;
 }
 
-static inline float4 color_of_lane(const Lanes3 *color, int i)
+static inline float4 color_of_lane(const Colors *color, int i)
 {
     return (float4)(((const float *)&color->x)[i], ((const float *)&color->y)[i],
                     ((const float *)&color->z)[i], 1.0f);
@@ -192,13 +108,13 @@ static void color_samples(Tile *tile, const Surface *surface, const int *list, i
         for (int i = 0; i < count; i++) colors[i] = path_color(tile, surface->path);
     } else if (shaded_once(&surface->shaded)) {
         Samples mean = mean_of_listed(tile, list, count, &w);
-        Lanes3 color = surface_colors(tile, surface, &mean, w, 1);
+        Colors color = surface_colors(tile, surface, &mean, w, 1);
         for (int i = 0; i < count; i++) colors[i] = color_of_lane(&color, 0);
     } else {
         for (int from = 0; from < count; from += LANES) {
             int here = min(count - from, LANES);
             Samples samples = gather_listed(tile, list + from, here, &w);
-            Lanes3 color = surface_colors(tile, surface, &samples, w, here);
+            Colors color = surface_colors(tile, surface, &samples, w, here);
             for (int i = 0; i < here; i++) colors[from + i] = color_of_lane(&color, i);
         }
     }

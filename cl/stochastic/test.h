@@ -3,6 +3,28 @@
 #define MB_TEST_H
 
 #include "stochastic/moving.h"
+#ifdef TRANSLUCENT
+#include "stochastic/surface.h"
+
+// Samples at which what is translucent is there: each surface with its alpha's probability, drawn
+// for it and the sample alone (Enderton et al. 2010, 3). Nothing needs an order then, and the mean
+// is that of all layers blended.
+static LaneMask there_by_chance(Tile *tile, const Moving *m, const Samples *samples,
+                                int slab, int block, LaneMask mask)
+{
+    if (!(m->alpha < 1.0f)) return mask;
+    Lanes alpha = m->alpha;
+#ifdef ALPHA_VARIES
+    if (m->alpha < 0.0f && any_lane(mask)) {
+        Surface surface;
+        load_surface(tile, m->path, &surface);
+        alpha = surface_alpha(tile, &surface, samples);
+    }
+#endif
+    uint16 seed = mix_lanes(pixel_seeds(tile, block) ^ mix_bits(m->path + 1u));
+    return mask & (hashed((uint)(tile->group + slab), seed) < alpha);
+}
+#endif
 
 // Of equal depths the path that comes first is seen, so that the order of paths plays no part. A
 // path that is `first`, nearer than all that the slab has seen, needs no comparison.
@@ -14,6 +36,9 @@ static inline void test_samples(Tile *tile, const Moving *m, int slab, int block
     Lanes depth;
     COUNT(tile, tests, mask);
     mask = covered(m, &samples, mask, &depth);
+#ifdef TRANSLUCENT
+    mask = there_by_chance(tile, m, &samples, slab, block, mask);
+#endif
     COUNT(tile, hits, mask);
     if (!any_lane(mask)) return;
     Lanes before = load(tile->zs, index);

@@ -10,12 +10,13 @@
 // (TEST_EDGES or none), the culling method (CULL_BBOX ...), and a macro for each effect that the
 // scene calls for: MOVING, LENS, SINGLE_SIDED, PHONG, POINT_LIGHTS, TEXTURED, VERTEX_COLOR,
 // FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE,
-// ROLLING, ROLLING_COLUMNS, STATISTICS.
+// ROLLING, ROLLING_COLUMNS, TRANSLUCENT, ALPHA_VARIES, VERTEX_ALPHA, STATISTICS.
 #ifndef MB_STOCHASTIC_TILE_H
 #define MB_STOCHASTIC_TILE_H
 
 #include "shared/scene.h"
 #include "shared/lanes.h"
+#include "stochastic/sobol.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -114,6 +115,14 @@ static inline Lanes block_y(int block)
 {
     const Lanes y = (Lanes)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
     return y + (float)(block / (TILE / BLOCK) * BLOCK);
+}
+
+// A random number for each pixel of a block.
+static inline uint16 pixel_seeds(const Tile *tile, int block)
+{
+    uint16 x = convert_uint16(convert_int16(block_x(block)) + tile->x);
+    uint16 y = convert_uint16(convert_int16(block_y(block)) + tile->y);
+    return mix_lanes(x ^ mix_lanes(y ^ mix_bits(tile->scene.seed)));
 }
 
 // Place of a pixel of the tile among the samples of a slab.

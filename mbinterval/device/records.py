@@ -20,7 +20,7 @@ SHUTTER_KEY = np.dtype([(name, "f4") for name in ("t", "open", "passed", "unused
 PATH = np.dtype(
     [("a", "u4"), ("b", "u4"), ("c", "u4"), ("step", "u4")]
     + [("face", "u4"), ("mesh", "u4"), ("open", "f4"), ("close", "f4")]
-    + [("color", "f4", 3), ("unused", "u4")]
+    + [("color", "f4", 3), ("alpha", "f4")]
 )
 MESH = np.dtype(
     [("vertex", "u4"), ("count", "u4"), ("uv", "u4"), ("uv_step", "u4")]
@@ -29,6 +29,7 @@ MESH = np.dtype(
 )
 MATERIAL = np.dtype(
     [("specular", "f4", 3), ("shininess", "f4"), ("flags", "u4"), ("texture", "u4")]
+    + [("cutoff", "f4")]
 )
 TEXTURE = np.dtype(
     [("texel", "u4"), ("width", "u4"), ("height", "u4"), ("levels", "u4")]
@@ -64,7 +65,7 @@ RUN = np.dtype([("start", "u4"), ("count", "u4")])
 NONE = 0xFFFFFFFF
 """An index that points nowhere."""
 
-MATERIAL_PHONG, MATERIAL_SINGLE_SIDED = 1, 2
+MATERIAL_PHONG, MATERIAL_SINGLE_SIDED, MATERIAL_MASK = 1, 2, 4
 WRAP = {"repeat": 0, "clamp": 1, "mirror": 2}
 LIGHT_KIND = {"ambient": 0, "directional": 1, "point": 2}
 PART_BITS = 4

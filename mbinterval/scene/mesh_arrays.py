@@ -72,21 +72,28 @@ def check_attribute(value: Any, width: int, count: int, times: int, what: str) -
 def check_color(
     value: Any, domain: str, count: int, faces: int, times: int, where: str
 ) -> tuple[Float32 | None, str]:
-    """Colour with its domain made explicit: ``"face"`` (F, 3) or ``"vertex"`` (..., N, 3)."""
+    """Colour with its domain made explicit: ``"face"`` (F, 3) or ``"vertex"`` (..., N, 3).
+
+    Or 4 columns, the last of which is alpha.
+    """
     what = f"{where}: color"
     domain = choice(domain, ("auto", "face", "vertex"), f"{where}: color_domain")
     if value is None:
         return None, domain
     array = numbers(value, np.float32, what)
-    if array.shape == (3,):
-        array, domain = np.broadcast_to(array, (faces, 3)), "face"
+    width = array.shape[-1] if array.ndim and array.shape[-1] == 4 else 3
+    if array.shape == (width,):
+        array, domain = np.broadcast_to(array, (faces, width)), "face"
     shapes: dict[str, list[tuple[int, ...]]]
-    shapes = {"face": [(faces, 3)], "vertex": [(count, 3)] + [(times, count, 3)] * (times > 1)}
+    shapes = {
+        "face": [(faces, width)],
+        "vertex": [(count, width)] + [(times, count, width)] * (times > 1),
+    }
     fitting = [key for key in shapes if domain in ("auto", key) and array.shape in shapes[key]]
     if not fitting:
         raise SceneError(
             f"{what} has shape {array.shape}, expected (3,), {(faces, 3)} per face or "
-            f"{(count, 3)} per vertex"
+            f"{(count, 3)} per vertex; or 4 columns, the last being alpha"
         )
     if len(fitting) == 2:
         raise SceneError(
@@ -94,4 +101,8 @@ def check_color(
             'give color_domain="face" or "vertex"'
         )
     check_finite(array[..., :], what, "vertex" if fitting[0] == "vertex" else "face")
+    alpha = array[..., 3:]
+    if np.any((alpha < 0.0) | (alpha > 1.0)):
+        wrong = alpha[(alpha < 0.0) | (alpha > 1.0)][0]
+        raise SceneError(f"{what}: alpha is {wrong:g}, expected 0 to 1")
     return array, fitting[0]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 SHADINGS = ("unlit", "phong")
+ALPHA_MODES = ("auto", "opaque", "mask", "blend")
 LIGHT_KINDS = ("ambient", "directional", "point")
 MOST_SEGMENTS = 4096
 WRAPS = ("repeat", "clamp", "mirror")
@@ -68,6 +70,12 @@ class Texture:
             image = np.concatenate([image, np.ones_like(image[..., :1])], axis=2)
         freeze(self, image=image, wrap=checks.choice(self.wrap, WRAPS, f"{where}: wrap"))
 
+    @cached_property
+    def alpha_range(self) -> tuple[float, float]:
+        """Least and greatest alpha of any texel."""
+        alpha = self.image[..., 3]
+        return float(alpha.min()), float(alpha.max())
+
 
 @dataclass(frozen=True)
 class Material:
@@ -78,6 +86,11 @@ class Material:
     ``specular`` * light * max(0, r.v) ** ``shininess``; no factor of pi anywhere.
     A two-sided surface turns its normal to the viewer; of a single-sided one only the side whose
     vertices run counter-clockwise is seen, at every moment of the shutter.
+
+    Alpha, as in glTF, is ``opacity`` times the texture's and the mesh colour's. ``alpha_mode``
+    says what follows: ``"opaque"`` ignores it, ``"mask"`` shows the surface, opaque, where it is
+    not below ``alpha_cutoff``, ``"blend"`` lays the surface's colour, highlights too, over what is
+    behind. ``"auto"`` is ``"blend"`` where ``opacity`` is below 1, and else ``"opaque"``.
     """
 
     name: str = ""
@@ -87,6 +100,9 @@ class Material:
     specular: Vector = (0.04, 0.04, 0.04)
     shininess: float = 32.0
     double_sided: bool = True
+    opacity: float = 1.0
+    alpha_mode: str = "auto"
+    alpha_cutoff: float = 0.5
 
     def __post_init__(self) -> None:
         where = checks.named("material", self.name)
@@ -100,7 +116,17 @@ class Material:
             specular=checks.vector(self.specular, f"{where}: specular"),
             shininess=checks.number(self.shininess, f"{where}: shininess", above=0.0),
             double_sided=checks.flag(self.double_sided, f"{where}: double_sided"),
+            opacity=checks.number(self.opacity, f"{where}: opacity", 0.0, 1.0),
+            alpha_mode=checks.choice(self.alpha_mode, ALPHA_MODES, f"{where}: alpha_mode"),
+            alpha_cutoff=checks.number(self.alpha_cutoff, f"{where}: alpha_cutoff", 0.0),
         )
+
+    @property
+    def alpha(self) -> str:
+        """What alpha means: ``"opaque"``, ``"mask"`` or ``"blend"``."""
+        if self.alpha_mode != "auto":
+            return self.alpha_mode
+        return "blend" if self.opacity < 1.0 else "opaque"
 
 
 @dataclass(frozen=True)
@@ -162,6 +188,7 @@ class Mesh:
     color
         ``(3,)`` for all, ``(F, 3)`` per face, ``(N, 3)`` or ``(K+1, N, 3)`` per vertex;
         multiplies the material's. Where N equals F, ``color_domain`` must say which is meant.
+        With four columns the last is alpha, from 0 to 1, which counts if the material says so.
     shading
         Shorthand for ``material=Material(shading=...)``.
     motion_segments

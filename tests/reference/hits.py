@@ -58,9 +58,9 @@ def barycentrics(
 
 
 def static_intervals(paths: Paths, samples: Samples) -> Intervals:
-    """The nearest static triangle of every sample, [0, 1) at constant depth.
+    """The nearest opaque static triangle of every sample, [0, 1) at constant depth.
 
-    Equal depths go to the lower path index.
+    Equal depths go to the lower path index. Translucent ones are there wherever they are hit.
     """
     static = np.flatnonzero(paths.segments == 0)
     points = paths.points[static, 0]
@@ -69,8 +69,10 @@ def static_intervals(paths: Paths, samples: Samples) -> Intervals:
     item, sample = samples.candidates(points)
     hit, weight, w = barycentrics(points[item], *samples.positions(sample))
     path, sample = static[item[hit]], sample[hit]
-    order = np.lexsort((path, w, sample))
+    opaque = np.flatnonzero(paths.opaque[path])
+    order = opaque[np.lexsort((path[opaque], w[opaque], sample[opaque]))]
     order = order[np.diff(sample[order], prepend=-1) > 0]
+    order = np.concatenate([order, np.flatnonzero(~paths.opaque[path])])
     path, sample, w, weight = path[order], sample[order], w[order], weight[order]
     values = np.einsum("hv,hva->ha", weight, paths.attributes[path, 0])
     return Intervals(

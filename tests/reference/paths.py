@@ -20,9 +20,9 @@ from mbinterval.scene.exposure import Exposure
 from mbinterval.scene.mesh_exposure import MeshExposure
 from mbinterval.scene.poses import CameraPoses
 
-UV, NORMAL, COLOR = slice(0, 2), slice(2, 5), slice(5, 8)
-ATTRIBUTES = 8
-"""Columns of attributes: uv, world normal, vertex colour."""
+UV, NORMAL, COLOR, ALPHA = slice(0, 2), slice(2, 5), slice(5, 8), slice(8, 9)
+ATTRIBUTES = 9
+"""Columns of attributes: uv, world normal, vertex colour and its alpha."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +41,10 @@ class Paths:
         ``(P,)`` whether only the front is seen.
     color
         ``(P, 3)`` base colour times face colour.
+    alpha
+        ``(P,)`` opacity times the face colour's alpha; 1 where the material ignores it.
+    opaque
+        ``(P,)`` whether nothing behind it is ever seen through it.
     attributes
         ``(P, 2, 3, A)``; A = 0 where no mesh needs any, else ``ATTRIBUTES``.
     mesh
@@ -53,6 +57,8 @@ class Paths:
     window: np.ndarray
     single_sided: np.ndarray
     color: np.ndarray
+    alpha: np.ndarray
+    opaque: np.ndarray
     attributes: np.ndarray
     mesh: np.ndarray
 
@@ -147,6 +153,8 @@ def make_paths(
         window=np.tile([0.0, 1.0], (count, 1)),
         single_sided=np.full(count, single_sided),
         color=np.ones((count, 3)) if color is None else np.asarray(color, dtype=np.float64),
+        alpha=np.ones(count),
+        opaque=np.ones(count, dtype=bool),
         attributes=np.zeros((count, 2, 3, 0)),
         mesh=np.zeros(count, dtype=np.int64),
     )
@@ -175,6 +183,25 @@ def needs_attributes(mesh: MeshExposure) -> bool:
     return not flat or mesh.color is not None
 
 
+def alpha_of(mesh: MeshExposure) -> tuple[np.ndarray, np.ndarray]:
+    """Constant factor of the alpha of each face ``(F,)``, and whether the face is opaque."""
+    count, material = len(mesh.mesh.faces), mesh.mesh.material
+    mode = "opaque" if material is None else material.alpha_mode
+    if mode == "auto":
+        mode = "opaque" if material.opacity == 1.0 else "blend"
+    if mode == "opaque":
+        return np.ones(count), np.ones(count, dtype=bool)
+    factor = np.full(count, material.opacity)
+    if mesh.face_color is not None and mesh.face_color.shape[1] == 4:
+        factor = factor * mesh.face_color[:, 3]
+    least = factor
+    if material.texture is not None:
+        least = least * np.clip(material.texture.image[..., 3], 0, 1).min()
+    if mesh.color is not None and mesh.color.shape[-1] == 4:
+        least = least * mesh.color[..., 3].min()
+    return factor, least >= (1.0 if mode == "blend" else material.alpha_cutoff)
+
+
 def to_pixels(
     world: np.ndarray, poses: CameraPoses, index: int, width: int, height: int
 ) -> np.ndarray:
@@ -198,6 +225,7 @@ def _mesh_paths(
     material = mesh.mesh.material
     base = np.ones(3) if material is None else np.asarray(material.base_color)
     face_color = np.ones((len(faces), 3)) if mesh.face_color is None else mesh.face_color
+    alpha, opaque = alpha_of(mesh)
     total = len(faces) * count
     return Paths(
         points=_per_segment(pixels),
@@ -205,7 +233,9 @@ def _mesh_paths(
         segments=np.full(total, mesh.segments),
         window=np.tile([mesh.open, mesh.close], (total, 1)),
         single_sided=np.full(total, material is not None and not material.double_sided),
-        color=np.repeat(face_color.astype(np.float64) * base, count, axis=0),
+        color=np.repeat(face_color[:, :3].astype(np.float64) * base, count, axis=0),
+        alpha=np.repeat(alpha, count),
+        opaque=np.repeat(opaque, count),
         attributes=_per_segment(values),
         mesh=np.full(total, index),
     )
@@ -221,12 +251,13 @@ def _attributes(mesh: MeshExposure, time: int, world: np.ndarray) -> np.ndarray:
     """Attributes ``(F, 3, ATTRIBUTES)`` at shutter time ``time``; flat unit normals where none."""
     faces = mesh.mesh.faces
     result = np.zeros((len(faces), 3, ATTRIBUTES))
-    result[..., COLOR] = 1.0
+    result[..., COLOR] = result[..., ALPHA] = 1.0
     corners = world[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(flat, axis=1, keepdims=True)
     result[..., NORMAL] = (flat / np.where(size > 0, size, 1.0))[:, None]
-    for columns, values in ((UV, mesh.uv), (NORMAL, mesh.normals), (COLOR, mesh.color)):
+    for first, values in ((UV, mesh.uv), (NORMAL, mesh.normals), (COLOR, mesh.color)):
         if values is not None:
+            columns = slice(first.start, first.start + values.shape[-1])
             result[..., columns] = values[min(time, len(values) - 1)][faces]
     return result

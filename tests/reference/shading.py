@@ -11,6 +11,9 @@ sample, at w = 1) run linearly from the camera's pose at one end of the segment 
 Normals are used as they are given, linear over the interval and then normalized; a flat surface
 takes its unit normals at both ends of the segment. The viewer's side of a two-sided surface is
 lit. There is no highlight where a light is behind the surface.
+
+Texels count by their alpha wherever they are averaged, if the material doesn't ignore it: they
+are premultiplied, and what is found is divided by the alpha that is found.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from mbinterval.scene.exposure import Exposure
 from mbinterval.scene.model import Light, Material, Texture
 
 from .hits import Samples
-from .paths import COLOR, NORMAL, UV, Intervals, Paths
+from .paths import ALPHA, COLOR, NORMAL, UV, Intervals, Paths
 from .visibility import Spans
 
 
@@ -34,7 +37,7 @@ class Shader:
         self.exposure, self.paths, self.size = exposure, paths, size
         self.count = texture_samples
         self.materials = [mesh.mesh.material or Material() for mesh in exposure.meshes]
-        self.chains = [m.texture and mip_chain(m.texture.image) for m in self.materials]
+        self.chains = [m.texture and mip_chain(premultiplied(m)) for m in self.materials]
 
     def __call__(self, intervals: Intervals, spans: Spans, samples: Samples) -> np.ndarray:
         """Colour ``(J, 3)`` of each span."""
@@ -55,7 +58,7 @@ class Shader:
 
     def _level(self, mesh: int, intervals: Intervals, spans: Spans) -> np.ndarray:
         texture = self.materials[mesh].texture
-        if texture is None:
+        if texture is None or self.materials[mesh].alpha_mode == "mask":
             return np.zeros(len(spans.interval))
         ends = [intervals.values(spans.interval, t)[:, UV] for t in spans.t.T]
         height, width = texture.image.shape[:2]
@@ -72,7 +75,8 @@ class Shader:
         material = self.materials[mesh]
         color = base * values[:, COLOR]
         if material.texture is not None:
-            color = color * trilinear(self.chains[mesh], material.texture, values[:, UV], level)
+            texel = trilinear(self.chains[mesh], material.texture, values[:, UV], level)
+            color = color * texel[:, :3] / np.where(texel[:, 3:] > 0, texel[:, 3:], 1.0)
         if material.shading == "unlit":
             return color
         w = intervals.depth(spans.interval, t)
@@ -88,6 +92,25 @@ class Shader:
             (phong(material, color, position, normal, view, light) for light in lights),
             np.zeros_like(color),
         )
+
+    def alpha_at(
+        self, mesh: int, intervals: Intervals, spans: Spans, part: float, level: np.ndarray
+    ) -> np.ndarray:
+        """Alpha ``(J,)`` of spans of one mesh, likewise; 0 or 1 where it is tested."""
+        path = intervals.path[spans.interval]
+        alpha = self.paths.alpha[path].copy()
+        material = self.materials[mesh]
+        if not self.paths.attributes.shape[-1]:
+            return alpha
+        t = spans.t[:, 0] + part * (spans.t[:, 1] - spans.t[:, 0])
+        values = intervals.values(spans.interval, t)
+        alpha = alpha * values[:, ALPHA][:, 0]
+        if material.texture is not None:
+            texel = trilinear(self.chains[mesh], material.texture, values[:, UV], level)
+            alpha = alpha * texel[:, 3]
+        if material.alpha_mode == "mask":
+            alpha = (alpha >= material.alpha_cutoff).astype(float)
+        return np.where(self.paths.opaque[path], 1.0, np.clip(alpha, 0.0, 1.0))
 
     def _view(
         self, mesh: int, path: np.ndarray, x: np.ndarray, y: np.ndarray, t: np.ndarray
@@ -137,6 +160,16 @@ def phong(
     return np.where(cosine > 0, arriving * lit, 0.0)
 
 
+def premultiplied(material: Material) -> np.ndarray:
+    """Texels ``(h, w, 4)``; alpha is 1 where the material ignores it."""
+    image = np.array(material.texture.image, dtype=np.float64)
+    if material.alpha_mode == "opaque" or (material.alpha_mode, material.opacity) == ("auto", 1.0):
+        image[..., 3] = 1.0
+    image[..., 3] = np.clip(image[..., 3], 0.0, 1.0)
+    image[..., :3] *= image[..., 3:]
+    return image
+
+
 def mip_chain(image: np.ndarray) -> list[np.ndarray]:
     """All levels of ``image`` ``(h, w, c)``, down to one texel."""
     levels = [np.asarray(image, dtype=np.float64)]
@@ -161,27 +194,27 @@ def wrapped(index: np.ndarray, size: int, wrap: str) -> np.ndarray:
 
 
 def bilinear(image: np.ndarray, texture: Texture, uv: np.ndarray) -> np.ndarray:
-    """Colour ``(M, 3)`` of one level at ``uv`` ``(M, 2)``."""
+    """Texel ``(M, c)`` of one level at ``uv`` ``(M, 2)``."""
     height, width = image.shape[:2]
     x, y = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    result = np.zeros((len(uv), 3))
+    result = np.zeros((len(uv), image.shape[2]))
     for down in (0, 1):
         for right in (0, 1):
             share_x = x - left if right else 1.0 - (x - left)
             share_y = y - top if down else 1.0 - (y - top)
             row = wrapped(top + down, height, texture.wrap)
             column = wrapped(left + right, width, texture.wrap)
-            result += (share_x * share_y)[:, None] * image[row, column, :3]
+            result += (share_x * share_y)[:, None] * image[row, column]
     return result
 
 
 def trilinear(
     chain: list[np.ndarray], texture: Texture, uv: np.ndarray, level: np.ndarray
 ) -> np.ndarray:
-    """Colour ``(M, 3)`` between the two levels nearest to ``level`` ``(M,)``."""
+    """Texel ``(M, c)`` between the two levels nearest to ``level`` ``(M,)``."""
     level = np.clip(level, 0.0, len(chain) - 1)
-    result = np.zeros((len(uv), 3))
+    result = np.zeros((len(uv), chain[0].shape[2]))
     for index, image in enumerate(chain):
         share = np.maximum(1.0 - np.abs(level - index), 0.0)
         used = np.flatnonzero(share)

@@ -104,14 +104,7 @@ def exact(intervals: Intervals) -> Spans:
     """
     if not len(intervals):
         return Spans(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0))
-    i, j = overlapping(intervals)
-    pair, time = intervals.crossings(i, j)
-    sample, cut = _cuts(intervals, intervals.sample[i[pair]], time)
-    # Slab s runs from cut s to cut s + 1; those between two samples are never asked for.
-    begin = _find(sample, cut, intervals.sample, intervals.t[:, 0])
-    end = _find(sample, cut, intervals.sample, intervals.t[:, 1])
-    index, slab = expand(begin, end)
-    w = intervals.depth(index, 0.5 * (cut[slab] + cut[slab + 1]))
+    index, slab, cut, w = slabs(intervals)
     seen = nearest(slab, intervals.path[index], w, len(cut))
     slab = np.flatnonzero(seen >= 0)
     owner = index[seen[slab]]
@@ -120,6 +113,22 @@ def exact(intervals: Intervals) -> Spans:
     stop = np.append(start[1:], len(slab)) - 1
     t = np.stack([cut[slab[start]], cut[slab[stop] + 1]], axis=1)
     return Spans(owner[start], t, t[:, 1] - t[:, 0])
+
+
+def slabs(intervals: Intervals) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All pairs of an interval and a slab of time that it covers, in which no depth order changes.
+
+    Interval, slab, times between which each slab lies (``cut[s]`` and ``cut[s + 1]``), and depths
+    in the slabs' middles.
+    """
+    i, j = overlapping(intervals)
+    pair, time = intervals.crossings(i, j)
+    sample, cut = _cuts(intervals, intervals.sample[i[pair]], time)
+    # Slab s runs from cut s to cut s + 1; those between two samples are never asked for.
+    begin = _find(sample, cut, intervals.sample, intervals.t[:, 0])
+    end = _find(sample, cut, intervals.sample, intervals.t[:, 1])
+    index, slab = expand(begin, end)
+    return index, slab, cut, intervals.depth(index, 0.5 * (cut[slab] + cut[slab + 1]))
 
 
 def _cuts(

@@ -3,16 +3,18 @@
 
 #pragma OPENCL FP_CONTRACT OFF
 
+#ifdef ALPHA_VARIES
 kernel void lookups(global const float4 *texels, global const Texture *textures,
                     global const float *uvs, global const float *levels, uint count,
                     global float *colors)
 {
     for (uint i = 0; i < count; i++) {
         Lanes u = uvs[2 * i], v = uvs[2 * i + 1];
-        Lanes3 found = texture_at(texels, textures[0], u, v, levels[i], 6);
-        vstore3((float3)(found.x.s5, found.y.s5, found.z.s5), i, colors);
+        Colors found = texture_at(texels, textures[0], u, v, levels[i], 6);
+        vstore4((float4)(found.x.s5, found.y.s5, found.z.s5, found.alpha.s5), i, colors);
     }
 }
+#endif
 
 kernel void reflections(global const Material *materials, global const float *given, uint count,
                         global const Light *lights, uint light_count, global float *colors)

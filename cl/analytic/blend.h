@@ -1,0 +1,121 @@
+// Stacks of spans, blended front to back: each layer adds its colour times its alpha times what the
+// layers before it let through.
+//
+// Where alpha is constant over every layer of a stack that is exact, whatever its colours do. Where
+// it varies, all layers are evaluated at the same times, since what one lets through depends on
+// when.
+#ifndef MB_BLEND_H
+#define MB_BLEND_H
+
+#include "analytic/shutter.h"
+
+// Average over a stack's time: colour premultiplied with alpha, and depth times alpha.
+typedef struct {
+    float4 color;
+    float depth;
+} Blended;
+
+// Number of spans of the first stack among `count` of a sample.
+static inline uint stack_size(global const Span *spans, uint count)
+{
+    uint size = 1;
+    while (size < count && spans[size].t0 == spans[0].t0) size++;
+    return size;
+}
+
+static inline float alpha_of(const Tile *tile, Span span)
+{
+    return tile->scene.paths[span.source].alpha;
+}
+
+static inline float middle_depth(const Tile *tile, Span span, Place place)
+{
+    return span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
+}
+
+#ifdef ALPHA_VARIES
+
+static bool alpha_varies(const Tile *tile, global const Span *spans, uint count)
+{
+    bool found = false;
+    for (uint i = 0; i < count && !found; i++) found = alpha_of(tile, spans[i]) < 0.0f;
+    return found;
+}
+
+// Colours of a span at sixteen of n times along it, from `first` on; its texture's level is that of
+// the span.
+static Colors layer_colors(const Tile *tile, int sample, Span span, Place place, float2 window,
+                           int first, int n)
+{
+    Shaded s = load_shaded(tile, span.source);
+    const float *base = s.path.color;
+    float4 flat = (float4)(base[0], base[1], base[2], s.path.alpha);
+#ifdef STATIC
+    if (span.source < tile->static_paths) flat = tile->still[sample];
+    else
+#endif
+    if (varies_on_surface(&s)) {
+        s.place = place, s.window = window;
+        load_attributes(tile, &s);
+        Varying v = prepare_varying(tile, &s, span);
+        return colors_along(tile, &s, &v, span, span_level(tile, &s, &v, span, n), first, n);
+    }
+    Colors colors = {flat.x, flat.y, flat.z, flat.w};
+    return colors;
+}
+
+// Blend at n times, sixteen at a time.
+static Blended blend_over_time(const Tile *tile, int sample, global const Span *spans, uint count,
+                               float2 times, Place place, float2 window)
+{
+    Span stretch = {times.x, times.y, 0.0f, 0u};
+    const int n = places_along(stretch);
+    Blended sum = {0.0f, 0.0f};
+    float total = 0.0f;
+    for (int first = 0; first < n; first += LANES) {
+        Lanes rest = part_light(tile, window, stretch, first, n);
+        float given = lanes_sum(rest), left = given;
+        total += given;
+        for (uint i = 0; i < count && left > NO_LIGHT * given; i++) {
+            Span span = spans[i];
+            span.t0 = times.x, span.t1 = times.y;
+            Colors here = layer_colors(tile, sample, span, place, window, first, n);
+            Lanes part = rest * here.alpha;
+            float3 color = (float3)(lanes_sum(part * here.x), lanes_sum(part * here.y),
+                                    lanes_sum(part * here.z));
+            float seen = lanes_sum(part);
+            sum.color += (float4)(color, seen);
+            sum.depth += seen * middle_depth(tile, span, place);
+            rest -= part;
+            left = lanes_sum(rest);
+        }
+    }
+    if (total > 0.0f) sum.color /= total, sum.depth /= total;
+    return sum;
+}
+
+#endif // ALPHA_VARIES
+
+// Blend a stack over the time from times.x to times.y, which lies within its own.
+static Blended blend_stack(const Tile *tile, int sample, global const Span *spans, uint count,
+                           float2 times, Place place, float2 window)
+{
+#ifdef ALPHA_VARIES
+    if (alpha_varies(tile, spans, count))
+        return blend_over_time(tile, sample, spans, count, times, place, window);
+#endif
+    Blended sum = {0.0f, 0.0f};
+    float rest = 1.0f;
+    for (uint i = 0; i < count; i++) {
+        Span span = spans[i];
+        span.t0 = times.x, span.t1 = times.y;
+        float alpha = alpha_of(tile, span);
+        float3 color = span_color(tile, sample, span, place, window);
+        sum.color += rest * alpha * (float4)(color, 1.0f);
+        sum.depth += rest * alpha * middle_depth(tile, span, place);
+        rest *= 1.0f - alpha;
+    }
+    return sum;
+}
+
+#endif

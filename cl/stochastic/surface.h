@@ -1,0 +1,126 @@
+// What a path looks like at samples that it covers.
+#ifndef MB_SURFACE_AT_SAMPLES_H
+#define MB_SURFACE_AT_SAMPLES_H
+
+#include "stochastic/moving.h"
+#include "shared/attributes.h"
+#ifdef COUNT_TEXELS
+#include "stochastic/texels.h"
+#endif
+
+#if defined(PHONG) || defined(TEXTURED) || defined(VERTEX_COLOR)
+#define VARYING
+#endif
+
+// Colour of a path where it does not vary, and alpha 1; nothing of NONE.
+static inline float4 path_color(const Tile *tile, uint path)
+{
+    return path == NONE ? (float4)(0.0f) : (float4)(load3(tile->scene.paths[path].color), 1.0f);
+}
+
+#ifdef VARYING
+
+// A path whose colour varies: ready to be asked for sixteen samples.
+typedef struct {
+    uint path;
+    bool flat;
+    Moving moving;
+    Shaded shaded;
+} Surface;
+
+static void load_surface(const Tile *tile, uint path, Surface *surface)
+{
+    surface->path = path;
+    Shaded *s = &surface->shaded;
+    s->path = tile->scene.paths[path];
+    s->mesh = tile->scene.meshes[s->path.mesh];
+    s->material = tile->scene.materials[s->mesh.material];
+    surface->flat = s->material.texture == NONE && !(s->material.flags & MATERIAL_PHONG)
+                    && s->mesh.color == NONE;
+    if (surface->flat) return;
+    s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
+    s->place.x = tile->x + HALF, s->place.y = tile->y + HALF, s->place.u = s->place.v = 0.0f;
+    surface->moving = load_moving(tile, path);
+    load_corners(&tile->scene, s);
+#ifdef PHONG
+    load_view(&tile->scene, s);
+#endif
+}
+
+// Attributes of the surface at samples.
+static Attributes surface_attributes(const Surface *surface, const Samples *samples)
+{
+    const Moving *m = &surface->moving;
+    const Shaded *s = &surface->shaded;
+    Lanes tau = time_in_segment(m, samples->t);
+    Lanes3 p[3];
+    for (int i = 0; i < 3; i++) p[i] = vertex_at(m, i, samples, tau);
+    Lanes e[3] = {edge_of(p[1], p[2]), edge_of(p[2], p[0]), edge_of(p[0], p[1])};
+    Lanes sum = (e[0] + e[1]) + e[2], weights[6];
+    for (int i = 0; i < 3; i++) {
+        Lanes share = sum != 0.0f ? e[i] / sum : (Lanes)(1.0f / 3.0f);
+        // A mean place may lie outside of the triangle.
+        share = lanes_min(lanes_max(share, (Lanes)(0.0f)), (Lanes)(1.0f));
+        weights[i] = share * (1.0f - tau), weights[i + 3] = share * tau;
+    }
+    return blend_corners(s, weights);
+}
+
+// Colours of the surface at samples, `count` of which matter.
+static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *samples,
+                             Lanes w, int count)
+{
+    const Shaded *s = &surface->shaded;
+    Attributes a = surface_attributes(surface, samples);
+    float4 base = path_color(tile, surface->path);
+    Lanes3 color = {base.x * a.color.x, base.y * a.color.y, base.z * a.color.z};
+#ifdef TEXTURED
+    if (s->material.texture != NONE) {
+        Texture texture = tile->scene.textures[s->material.texture];
+#ifdef COUNT_TEXELS
+        count_texels(tile, texture, a.u, a.v, count);
+#endif
+        Colors texel = texture_at(tile->scene.texels, texture, a.u, a.v, 0.0f, count);
+#ifdef ALPHA_VARIES
+        texel = unpremultiplied(texel);
+#endif
+        color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
+    }
+#endif
+#ifdef PHONG
+    if (s->material.flags & MATERIAL_PHONG) {
+        Lanes across = samples->x, down = samples->y;
+        w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
+#ifdef LENS
+        across -= samples->u * a.circle / w, down -= samples->v * a.circle / w;
+#endif
+        color = reflect_light(&tile->scene, s, &a, color, samples->t, w, across, down);
+    }
+#endif
+    Colors colors = {color.x, color.y, color.z};
+    return colors;
+}
+
+#ifdef ALPHA_VARIES
+// Alpha of the surface at samples that it covers.
+static Lanes surface_alpha(Tile *tile, const Surface *surface, const Samples *samples)
+{
+    const Shaded *s = &surface->shaded;
+    Attributes a = surface_attributes(surface, samples);
+    Lanes alpha = vertex_alpha(&a);
+#ifdef TEXTURED
+    if (s->material.texture != NONE) {
+        Texture texture = tile->scene.textures[s->material.texture];
+#ifdef COUNT_TEXELS
+        count_texels(tile, texture, a.u, a.v, LANES);
+#endif
+        alpha *= texture_at(tile->scene.texels, texture, a.u, a.v, 0.0f, LANES).alpha;
+    }
+#endif
+    return counted_alpha(s, alpha);
+}
+#endif
+
+#endif // VARYING
+
+#endif
