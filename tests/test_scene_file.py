@@ -323,6 +323,7 @@ def test_material_overrides_leave_the_rest_of_the_material(tmp_path):
     )
     Image.new("RGB", (1, 1), (255, 255, 255)).save(tmp_path / "white.png")
     change = {"shading": "unlit", "texture": "white.png", "wrap": "mirror"}
+    change |= {"alpha_mode": "mask", "alpha_cutoff": 0.25, "opacity": 0.75}
     plain, changed = load(
         {"objects": [{"file": "a.obj"}, {"file": "a.obj", "material": change}]}, base=tmp_path
     ).meshes
@@ -330,6 +331,18 @@ def test_material_overrides_leave_the_rest_of_the_material(tmp_path):
     assert (plain.material.shading, changed.material.shading) == ("phong", "unlit")
     assert plain.material.texture is None
     assert changed.material.texture.wrap == "mirror"
+    found = changed.material.alpha, changed.material.alpha_cutoff, changed.material.opacity
+    assert found == ("mask", 0.25, 0.75)
+    assert plain.material.alpha == "opaque"
+
+
+def test_opacity_alone_blends_and_colours_may_have_alpha():
+    glass = QUAD | {"material": {"opacity": 0.5}, "color": [1, 0, 0, 0.25]}
+    mesh = load({"objects": [glass]}).meshes[0]
+    assert mesh.material.alpha == "blend"
+    assert mesh.color[:, 3].tolist() == [0.25] * len(mesh.faces)
+    (problem,) = problems({"objects": [QUAD | {"material": {"opacity": 2}}]})
+    assert problem.startswith("objects[0].material.opacity: expected less than or equal to 1")
 
 
 def test_an_empty_file_is_an_empty_scene():

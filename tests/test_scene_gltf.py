@@ -198,9 +198,34 @@ def test_colours_factors_are_linear_and_textures_srgb(tmp_path):
     assert mesh.material.base_color == (0.5, 0.25, 0.125)
     decoded = ((188 / 255 + 0.055) / 1.055) ** 2.4
     np.testing.assert_allclose(mesh.material.texture.image[0, 0], [decoded, 0, 1, 1], rtol=1e-6)
-    np.testing.assert_allclose(mesh.color, [[1, 0.2, 0]] * 3, rtol=1e-6)
+    np.testing.assert_allclose(mesh.color, [[1, 0.2, 0, 1]] * 3, rtol=1e-6)
     assert mesh.color_domain == "vertex"
     assert mesh.material.double_sided
+
+
+def test_alpha_modes_cutoffs_and_factors(tmp_path):
+    gltf = Gltf()
+    factor = {"baseColorFactor": [1, 1, 1, 0.25]}
+    given = [
+        {"pbrMetallicRoughness": factor},
+        {"pbrMetallicRoughness": factor, "alphaMode": "OPAQUE"},
+        {"pbrMetallicRoughness": factor, "alphaMode": "BLEND"},
+        {"pbrMetallicRoughness": factor, "alphaMode": "MASK"},
+        {"pbrMetallicRoughness": factor, "alphaMode": "MASK", "alphaCutoff": 0.125},
+        {"alphaMode": "BLEND"},
+    ]
+    gltf.json["materials"] = given
+    for index in range(len(given)):
+        color = gltf.accessor([[1, 1, 1, 0.5], [1, 1, 1, 1], [1, 1, 1, 1.5]])
+        gltf.node(mesh=gltf.triangle(attributes={"COLOR_0": color}, material=index))
+    gltf.json["scenes"][0]["nodes"] = list(range(len(given)))
+    asset = read_gltf(gltf.write(tmp_path / "a.glb"), 24.0)
+    found = [mesh.material for mesh in asset.meshes]
+    assert [m.alpha for m in found] == ["opaque", "opaque", "blend", "mask", "mask", "blend"]
+    assert [m.opacity for m in found] == [1, 1, 0.25, 0.25, 0.25, 1]
+    assert [m.alpha_cutoff for m in found[3:5]] == [0.5, 0.125]
+    assert asset.meshes[2].color[:, 3].tolist() == [0.5, 1, 1]
+    assert not [note for note in asset.notes if "alpha" in note]
 
 
 def test_unlit_extension(tmp_path):

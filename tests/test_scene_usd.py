@@ -356,6 +356,76 @@ def test_base_colour_and_texture_of_a_preview_surface(tmp_path):
     np.testing.assert_allclose(found["image"].material.base_color, (0.5, 0, 0))
 
 
+@pytest.mark.parametrize(
+    ("values", "want"),
+    [
+        ({}, ("opaque", 1.0)),
+        ({"opacity": 0.25}, ("blend", 0.25)),
+        ({"opacity": 0.25, "opacityThreshold": 0.0}, ("blend", 0.25)),
+        ({"opacity": 0.25, "opacityThreshold": 0.125}, ("mask", 0.25)),
+    ],
+)
+def test_opacity_is_blended_or_where_there_is_a_threshold_tested(tmp_path, values, want):
+    stage = new_stage(tmp_path)
+    material, surface = preview(stage, "/mat")
+    for name, value in values.items():
+        surface.CreateInput(name, Sdf.ValueTypeNames.Float).Set(value)
+    bind(quad(stage), material)
+    asset = read(stage)
+    found = asset.meshes[0].material
+    assert (found.alpha, found.opacity) == want
+    assert found.alpha_cutoff == values.get("opacityThreshold", 0.0) or want[0] != "mask"
+    assert not [note for note in asset.notes if "opacity" in note]
+
+
+def opacity_from(stage, path, output, file="t.png", **inputs):
+    """Connect the opacity of the material at ``path`` to a texture of its own."""
+    surface = UsdShade.Shader.Get(stage, f"{path}/surface")
+    image = UsdShade.Shader.Define(stage, f"{path}/cut")
+    image.CreateIdAttr("UsdUVTexture")
+    image.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(file)
+    image.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("raw")
+    for name, value in inputs.items():
+        image.CreateInput(name, Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*[value] * 4))
+    result = image.CreateOutput(output, Sdf.ValueTypeNames.Float)
+    surface.CreateInput("opacity", Sdf.ValueTypeNames.Float).ConnectToSource(result)
+    return image
+
+
+def test_opacity_from_a_channel_of_a_texture(tmp_path):
+    texture_file(tmp_path, [[[255, 51, 0, 102], [0, 255, 0, 255]]])
+    for output, want in (("a", [0.4, 1]), ("g", [0.2, 1]), ("r", [1, 0])):
+        stage = new_stage(tmp_path, name=f"{output}.usda")
+        material, _ = preview(stage, "/mat", diffuseColor=(0.5, 0.1, 0.2))
+        opacity_from(stage, "/mat", output, scale=0.5, bias=0.25)
+        bind(quad(stage), material)
+        found = read(stage).meshes[0].material
+        assert found.alpha == "blend"
+        np.testing.assert_allclose(found.base_color, (0.5, 0.1, 0.2), atol=1e-7)
+        np.testing.assert_allclose(found.texture.image[..., :3], 1.0)
+        want = [[0.5 * value + 0.25 for value in want]]
+        np.testing.assert_allclose(found.texture.image[..., 3], want, atol=1e-6)
+
+
+def test_opacity_joins_the_texture_of_the_colour_where_both_are_looked_up_alike(tmp_path):
+    texture_file(tmp_path, [[[255, 0, 0, 51], [0, 255, 0, 255]]])
+    for alike in (True, False):
+        stage = new_stage(tmp_path, name=f"{alike}.usda")
+        bind(quad(stage), textured(stage))
+        image = opacity_from(stage, "/mat", "a")
+        if alike:
+            move = UsdShade.Shader.Get(stage, "/mat/move").GetOutput("result")
+            image.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(move)
+        asset = read(stage)
+        found = asset.meshes[0].material
+        assert found.alpha == ("blend" if alike else "opaque")
+        noted = [note for note in asset.notes if "opacity is read as 1" in note]
+        assert bool(noted) == (not alike)
+        if alike:
+            want = [[[1, 0, 0, 0.2], [0, 1, 0, 1]]]
+            np.testing.assert_allclose(found.texture.image, want, atol=1e-6)
+
+
 def test_subsets_have_their_own_materials(tmp_path):
     stage = new_stage(tmp_path)
     mesh = quad(stage, counts=(3, 3), indices=(0, 1, 2, 0, 2, 3))

@@ -147,12 +147,14 @@ class _SceneReader:
             corners = self.data.accessor(primitive.indices).astype(np.int64)
         use = self.materials.use(primitive.material)
         color = self._attribute(primitive, "COLOR_0")
+        if color is not None and color.shape[1] == 4:
+            color = np.concatenate([color[:, :3], np.clip(color[:, 3:], 0.0, 1.0)], axis=1)
         return {
             "positions": positions,
             "faces": _triangles(corners, mode),
             "normals": self._attribute(primitive, "NORMAL"),
             "uv": self._uv(primitive, use),
-            "color": None if color is None else color[:, :3],
+            "color": color,
             "color_domain": "vertex",
             "material": use.material,
         }

@@ -51,16 +51,16 @@ class MaterialReader:
         pbr = source.pbrMetallicRoughness
         unlit = "KHR_materials_unlit" in (source.extensions or {})
         reference = None if pbr is None else pbr.baseColorTexture
-        factor = (1.0, 1.0, 1.0) if pbr is None or not pbr.baseColorFactor else pbr.baseColorFactor
+        given = None if pbr is None else pbr.baseColorFactor
+        factor = tuple(given or (1.0, 1.0, 1.0, 1.0))
         name = source.name or ""
-        if source.alphaMode not in (None, "OPAQUE"):
-            self._note(f"material {name!r}: alphaMode {source.alphaMode} is read as OPAQUE")
         material = Material(
             name=name,
-            base_color=tuple(factor[:3]),
+            base_color=factor[:3],
             texture=None if reference is None else self._texture(reference.index),
             shading="unlit" if unlit else "phong",
             double_sided=bool(source.doubleSided),
+            **_alpha(source, factor[3]),
         )
         if reference is None:
             return MaterialUse(material)
@@ -94,6 +94,15 @@ class MaterialReader:
 
     def _note(self, text: str) -> None:
         self._notes.append(f"{self._data.path.name}: {text}")
+
+
+def _alpha(source: Any, factor: float) -> dict[str, Any]:
+    """Alpha of a material; what is OPAQUE keeps nothing of it, so that a scene file can."""
+    mode = (source.alphaMode or "OPAQUE").lower()
+    if mode == "opaque":
+        return {}
+    cutoff = 0.5 if source.alphaCutoff is None else source.alphaCutoff
+    return {"opacity": factor, "alpha_mode": mode, "alpha_cutoff": cutoff}
 
 
 def _placed(material: Material, reference: Any) -> MaterialUse:

@@ -244,6 +244,9 @@ class MaterialTable(Table):
     specular: Vec3 | None = None
     shininess: Positive | None = None
     double_sided: bool | None = None
+    opacity: Annotated[float, Field(ge=0, le=1)] | None = None
+    alpha_mode: Literal["auto", "opaque", "mask", "blend"] | None = None
+    alpha_cutoff: NotNegative | None = None
 
 
 class PrimitiveTable(Table):

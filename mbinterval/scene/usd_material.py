@@ -1,4 +1,4 @@
-"""UsdPreviewSurface: base colour, its texture, and what the texture is looked up by."""
+"""UsdPreviewSurface: base colour and opacity, their texture, and what it is looked up by."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ class MaterialReader:
         if not shader or shader.GetShaderId() != "UsdPreviewSurface":
             self._note(f"material {name!r} has no UsdPreviewSurface; displayColor is used")
             return MaterialUse(Material(name=name, double_sided=double_sided), color="displayColor")
-        opacity = shader.GetInput("opacity")
-        if opacity and (opacity.HasConnectedSource() or (opacity.Get() or 1.0) < 1.0):
-            self._note(f"material {name!r}: opacity is read as 1")
+        material = Material(name=name, double_sided=double_sided)
+        return self._with_alpha(self._with_color(material, shader), shader)
+
+    def _with_color(self, material: Material, shader: Any) -> MaterialUse:
         base = shader.GetInput("diffuseColor")
         source = _source(base)
-        material = Material(name=name, double_sided=double_sided)
         if source is None:
             value = _value(base, (0.18, 0.18, 0.18))
             return MaterialUse(replace(material, base_color=_triple(value)))
@@ -77,8 +77,57 @@ class MaterialReader:
             return self._textured(material, source)
         if source.GetShaderId().startswith("UsdPrimvarReader"):
             return MaterialUse(material, color=str(_value(source.GetInput("varname"), "")))
-        self._note(f"material {name!r}: its colour comes from {source.GetShaderId()}; left out")
+        self._note(
+            f"material {material.name!r}: its colour comes from {source.GetShaderId()}; left out"
+        )
         return MaterialUse(material)
+
+    def _with_alpha(self, use: MaterialUse, shader: Any) -> MaterialUse:
+        """Opacity, which is tested where there is a threshold for it, and else blended."""
+        given = shader.GetInput("opacity")
+        threshold = float(_value(shader.GetInput("opacityThreshold"), 0.0))
+        tested: dict[str, Any] = {"alpha_mode": "mask", "alpha_cutoff": threshold}
+        mode = tested if threshold > 0.0 else {}
+        source = _source(given)
+        if source is None:
+            opacity = min(max(float(_value(given, 1.0)), 0.0), 1.0)
+            return replace(use, material=replace(use.material, opacity=opacity, **mode))
+        placed = self._alpha_texture(use, source, given)
+        if placed is None:
+            self._note(f"material {use.material.name!r}: opacity is read as 1")
+            return use
+        mode = mode or {"alpha_mode": "blend"}
+        return replace(placed, material=replace(placed.material, **mode))
+
+    def _alpha_texture(self, use: MaterialUse, source: Any, given: Any) -> MaterialUse | None:
+        """``use`` with a texture whose alpha is the opacity; None where there can't be one.
+
+        A material has one texture, so that of its colour, if any, must be of the same size and
+        looked up in the same way.
+        """
+        if source.GetShaderId() != "UsdUVTexture":
+            return None
+        opacity = self._textured(use.material, source)
+        if opacity.material.texture is None:
+            return None
+        image = opacity.material.texture.image
+        channel = "rgba".find(_output(given))
+        scale, bias = (
+            float(_value(source.GetInput(name), (default,) * 4)[channel])
+            for name, default in (("scale", 1.0), ("bias", 0.0))
+        )
+        alpha = np.clip(image[..., channel, None] * scale + bias, 0.0, 1.0)
+        color = np.ones((*alpha.shape[:2], 3), np.float32)
+        if use.material.texture is not None:
+            color = use.material.texture.image[..., :3]
+            same = opacity.uv == use.uv and np.array_equal(opacity.uv_linear, use.uv_linear)
+            if not same or not np.array_equal(opacity.uv_offset, use.uv_offset):
+                return None
+            if color.shape[:2] != alpha.shape[:2]:
+                return None
+        own = use.material.texture or opacity.material.texture
+        texture = replace(own, image=np.concatenate([color, alpha], axis=2))
+        return replace(opacity, material=replace(use.material, texture=texture), color=use.color)
 
     def _textured(self, material: Material, source: Any) -> MaterialUse:
         uv, linear, offset = _coordinates(_source(source.GetInput("st")))
@@ -129,6 +178,11 @@ def _source(given: Any) -> Any:
         if UsdShade.Utils.GetType(attribute.GetName()) == UsdShade.AttributeType.Output:
             return UsdShade.Shader(attribute.GetPrim())
     return None
+
+
+def _output(given: Any) -> str:
+    """Name of the output that an input is connected to."""
+    return str(given.GetValueProducingAttributes()[0].GetName().split(":")[-1])
 
 
 def _value(given: Any, default: Any) -> Any:
