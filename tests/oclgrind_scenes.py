@@ -49,6 +49,27 @@ def colorful() -> list[Mesh]:
     ]
 
 
+def seen_through() -> list[Mesh]:
+    """Alpha that is constant, of a texture, of vertices, blended and tested; something opaque."""
+    rng = np.random.default_rng(2)
+    picture = Texture(rng.uniform(0, 1, (4, 4, 4)))
+    glass = Material("glass", shading="unlit", opacity=0.5)
+    veil = Material("veil", texture=picture, alpha_mode="blend")
+    leaf = Material("leaf", texture=picture, shading="unlit", alpha_mode="mask")
+    return [
+        triangles(6, material=glass),
+        triangles(3, moving=False, material=glass),
+        triangles(4, material=veil, uv=rng.uniform(0, 2, (12, 2))),
+        triangles(5, material=leaf, uv=rng.uniform(0, 2, (2, 15, 2))),
+        triangles(2, material=glass, color=rng.uniform(0, 1, (6, 4)), color_domain="vertex"),
+        triangles(1, moving=False, color=(0.5, 0.6, 0.7)),
+    ]
+
+
+def glassy_crowd() -> list[Mesh]:
+    return [triangles(60, material=Material("glass", shading="unlit", opacity=0.1))]
+
+
 def crowd() -> list[Mesh]:
     """One pixel with more intervals than small pools hold, in front of each other."""
     return [triangles(60)]
@@ -92,6 +113,14 @@ SCENES = {
     "layers, behind the eye": Small(
         lambda: [triangles(8, near=-1.0)], {"samples": 1, "aovs": (*LAYERS, "forward", "backward")}
     ),
+    "translucent": Small(seen_through, {"samples": 2, "texture_samples": 18}),
+    "translucent, layers": Small(
+        seen_through, {"samples": 1, "aovs": LAYERS}, Camera(**LENS), {"shutter": ROLL}
+    ),
+    "translucent, at rest": Small(
+        lambda: [triangles(6, moving=False, material=Material("glass", opacity=0.5))]
+    ),
+    "translucent, pools grow": Small(glassy_crowd, {"samples": 1}, capacity=24),
     "static": Small(lambda: [triangles(6, moving=False)], {"samples": 2}),
     "empty": Small(list, {"samples": 1}),
     "transparent": Small(colorful, {"samples": 1, "transparent": True, "tile_size": 8}),
@@ -132,6 +161,7 @@ SCENES = {
         colorful, {"samples": 2, "frameless": 3, "hybrid": True} | POINTS,
         scene={"shutter": ROLL},
     ),
+    "stochastic, translucent": Small(seen_through, {"samples": 3} | POINTS),
     "stochastic, empty": Small(list, {"samples": 1} | POINTS),
     **{
         f"culling, {cull}": Small(

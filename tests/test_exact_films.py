@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from reference.render import Image, render
+from reference.stacks import render_stacks
 from test_twin_agreement import CASES, CROPS, FOLDER, LIGHTS, MOVING_CAMERA, everything, late
 
 import mbinterval as mb
@@ -28,11 +29,14 @@ def twin(
     size: tuple[int, int] = SIZE,
     crop: Crop | None = None,
 ) -> Image:
+    given = fixed_pattern(settings.samples).astype(np.float64), crop
+    materials = [mesh.mesh.material for mesh in exposure.meshes]
     with np.errstate(invalid="ignore", divide="ignore"):  # what is seen edge-on
+        if any(material and material.alpha != "opaque" for material in materials):
+            return render_stacks(exposure, *size, *given, texture_samples=settings.texture_samples)
         return render(
-            exposure, *size, fixed_pattern(settings.samples).astype(np.float64), crop,
-            paths="exact", texture_samples=settings.texture_samples,
-        )  # fmt: skip
+            exposure, *size, *given, paths="exact", texture_samples=settings.texture_samples
+        )
 
 
 def exposed(scene: Scene, settings: mb.Settings, size: tuple[int, int] = SIZE) -> Exposure:

@@ -106,6 +106,9 @@ def test_its_tables_of_stages_are_what_renders_time():
     camera = mbinterval.Camera(position=(0, 0, 5), look_at=(0, 0, 0))
     scene = mbinterval.Scene(meshes=meshes, camera=camera)
     timed = set()
+    glass = mbinterval.Mesh(still, faces, material=mbinterval.Material(opacity=0.5))
+    seen_through = mbinterval.Scene(meshes=[glass], camera=camera)
+    timed |= set(mbinterval.render(seen_through, width=16, height=16).timings)
     ways = (
         {"pattern": "sobol"},
         {"occlusion": 32},

@@ -1,4 +1,4 @@
-"""Makes wheel.png and sky.png, the textures that mbinterval's own scenes use.
+"""Makes wheel.png, sky.png and fan.png, the textures that mbinterval's own scenes use.
 
 Run it in this folder: `python make_textures.py`. The files are committed, so nobody needs to.
 """
@@ -30,6 +30,21 @@ def sky(width: int = 320, height: int = 240) -> Image.Image:
     return Image.fromarray(np.broadcast_to(rows[:, None], (height, width, 3)).round().astype("u1"))
 
 
+def fan(size: int = 256) -> Image.Image:
+    """Three blades with red tips about a hub; the rest is not there."""
+    y, x = np.mgrid[:size, :size]
+    x, y = (2 * x + 1) / size - 1, 1 - (2 * y + 1) / size
+    radius, angle = np.hypot(x, y), np.degrees(np.arctan2(y, x)) % 120
+    blade = (radius < 0.95) & (angle < 38)
+    pixels = np.zeros((size, size, 4), np.uint8)
+    pixels[..., :3] = (70, 74, 82)
+    pixels[radius > 0.75, :3] = (180, 40, 30)
+    pixels[radius < 0.16, :3] = (30, 30, 34)
+    pixels[blade | (radius < 0.16), 3] = 255
+    return Image.fromarray(pixels)
+
+
 if __name__ == "__main__":
     wheel().quantize(16, dither=Image.Dither.NONE).save("wheel.png", optimize=True)
     sky().save("sky.png", optimize=True)
+    fan().save("fan.png", optimize=True)
