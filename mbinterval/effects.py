@@ -55,13 +55,15 @@ def _motion(
     segments = sorted({mesh.segments for mesh in exposure.meshes if mesh.segments})
     plural = "" if segments == [1] else "s"
     many = f", {' and '.join(map(str, segments))} motion segment{plural}" if segments else ""
-    many += f", {resting} translucent triangles at rest like them" if resting else ""
+    lists = f"{resting} translucent triangles do not move"
+    lists += ", but go through the same lists" if resting else ""
     kind = f"paths={settings.paths!r}" if moving else "nothing moves"
     camera = "the camera moves: every mesh has motion paths" if exposure.camera_moves else (
         "the camera stays"
     )  # fmt: skip
     return (
-        Effect("motion", moving, f"{paths} motion paths{many}", "MOVING"),
+        Effect("motion", paths > 0, f"{paths} motion paths{many}", "MOVING"),
+        Effect("transparency at rest", resting > 0, lists, "MOVING"),
         Effect("exact in time", settings.paths == "exact" or not moving, kind, "EXACT"),
         Effect("camera motion", exposure.camera_moves, camera),
     )

@@ -196,7 +196,9 @@ def test_what_is_translucent_has_the_stage_of_stacks_and_only_the_code_that_it_n
     # At rest it goes through the lists too, in a plan of its own.
     resting = plan(mesh(False, material=GLASS))
     assert resting.stages == planned.stages
-    assert "0 motion paths, 2 translucent triangles at rest" in active(resting)["motion"]
+    assert "motion" not in active(resting)
+    assert "2 translucent triangles do not move" in active(resting)["transparency at rest"]
+    assert "transparency at rest" not in active(planned)
 
 
 CODE = {

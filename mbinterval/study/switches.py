@@ -79,6 +79,10 @@ def _two_sided(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, double_sided=True)
 
 
+def _opaque(scene: Scene, _frame: float) -> Scene:
+    return _with_materials(scene, alpha_mode="opaque")
+
+
 def _unlit(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, shading="unlit")
 
@@ -109,6 +113,7 @@ SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "shutter curve": ("a shutter that is fully open throughout", _box_shutter),
     "rolling shutter": ("all lines exposed together, as long as one line was", _global_shutter),
     "single-sided": ("both sides of every surface seen", _two_sided),
+    "transparency": ("alpha ignored", _opaque),
     "phong shading": ("colours without light", _unlit),
     "point lights": ("without its point lights", _no_point_lights),
     "texture": ("without textures", _untextured),
