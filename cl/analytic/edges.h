@@ -35,6 +35,38 @@ static void load_moving(global const Vertex *vertices, Path path, uint flags, Mo
     m->reversed = (sides >> 1 & 1u) | (sides >> 2 & 1u) << 1 | (sides & 1u) << 2;
 }
 
+#define RECORDS_AHEAD 8  // paths ahead of which their records are asked for
+#define VERTICES_AHEAD 4 // likewise their vertices, once the path is there
+
+// Ask for what members after the k-th need: a tile's paths lie far apart in memory.
+static inline void fetch_ahead(const Tile *tile, uint k)
+{
+    if (k + RECORDS_AHEAD < tile->member_count) {
+        uint path = tile->members[k + RECORDS_AHEAD];
+        global const char *shape = (global const char *)(tile->shapes + path);
+        for (int i = 0; i < (int)sizeof(Shape); i += 64) fetch(shape + i);
+        fetch(tile->scene.paths + path);
+    }
+    if (k + VERTICES_AHEAD < tile->member_count) {
+        global const Path *path = tile->scene.paths + tile->members[k + VERTICES_AHEAD];
+        const uint corner[3] = {path->a, path->b, path->c};
+        for (int i = 0; i < 3; i++) {
+            fetch(tile->scene.vertices + corner[i]);
+            fetch(tile->scene.vertices + corner[i] + path->step);
+        }
+    }
+}
+
+static inline bool is_single_sided(const Tile *tile, Path path)
+{
+#ifdef SINGLE_SIDED
+    uint material = tile->scene.meshes[path.mesh].material;
+    return tile->scene.materials[material].flags & MATERIAL_SINGLE_SIDED;
+#else
+    return false;
+#endif
+}
+
 // First and second vertex of edge i in order of position.
 static inline int edge_first(const MovingTriangle *m, int i)
 {

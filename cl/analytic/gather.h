@@ -26,28 +26,6 @@ typedef struct {
 #endif
 } Gather;
 
-#define RECORDS_AHEAD 8  // paths ahead of which their records are asked for
-#define VERTICES_AHEAD 4 // likewise their vertices, once the path is there
-
-// Ask for what members after the k-th need: a tile's paths lie far apart in memory.
-static inline void fetch_ahead(const Tile *tile, uint k)
-{
-    if (k + RECORDS_AHEAD < tile->member_count) {
-        uint path = tile->members[k + RECORDS_AHEAD];
-        global const char *shape = (global const char *)(tile->shapes + path);
-        for (int i = 0; i < (int)sizeof(Shape); i += 64) fetch(shape + i);
-        fetch(tile->scene.paths + path);
-    }
-    if (k + VERTICES_AHEAD < tile->member_count) {
-        global const Path *path = tile->scene.paths + tile->members[k + VERTICES_AHEAD];
-        const uint corner[3] = {path->a, path->b, path->c};
-        for (int i = 0; i < 3; i++) {
-            fetch(tile->scene.vertices + corner[i]);
-            fetch(tile->scene.vertices + corner[i] + path->step);
-        }
-    }
-}
-
 // Give the lanes that no sample fills something to compute with.
 static void clear_gather(Gather *g)
 {
@@ -65,11 +43,7 @@ static void begin_gather(const Tile *tile, uint path_index, Gather *g)
     g->path = tile->scene.paths[path_index];
     g->shape = tile->shapes + path_index;
     g->open = g->path.open, g->length = (double)g->path.close - g->path.open;
-    g->single_sided = false;
-#ifdef SINGLE_SIDED
-    uint material = tile->scene.meshes[g->path.mesh].material;
-    g->single_sided = tile->scene.materials[material].flags & MATERIAL_SINGLE_SIDED;
-#endif
+    g->single_sided = is_single_sided(tile, g->path);
     load_moving(tile->scene.vertices, g->path, g->shape->flags, &g->triangle);
     g->slack = 1e-7 / g->length;
     for (int i = 0; i < 3; i++) {

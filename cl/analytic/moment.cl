@@ -5,7 +5,6 @@
 // shutter for one moment of it. So the triangles of all motion paths are frozen at the moment, and
 // the z-buffer of what does not move ("nearest") takes them too. It comes last: that is free then.
 #include "analytic/film.h"
-#include "analytic/gather.h"
 #include "analytic/shutter.h"
 #include "analytic/surface_color.h"
 
@@ -73,90 +72,86 @@ static Box box_of(const Tile *tile, const MovingTriangle *m, Box box)
     return box;
 }
 
-#ifdef ALPHA_VARIES
-// Leave out those of the samples at hand at which too little of the frozen path is there.
-static void keep_there(const Tile *tile, Gather *g, double tau)
+static Places centres_from(const Tile *tile, int pixel)
 {
-    if (!(g->path.alpha < 0.0f)) return;
-    Shaded s = load_shaded(tile, g->index);
-    Place first = gathered_place(g, 0);
-    s.place = first;
-    load_attributes(tile, &s);
-    float shares[6][LANES], alpha[LANES];
-    for (int k = 0; k < LANES; k++) {
-        Place place = gathered_place(g, min(k, g->waiting - 1));
-        double b[3][3], sum = 0.0;
-        for (int i = 0; i < 3; i++) {
-            edge_function(&g->triangle, i, place, b[i]);
-            sum += b[i][0];
-        }
-        for (int i = 0; i < 3; i++) {
-            shares[i][k] = (float)(b[i][0] / sum * (1.0 - tau));
-            shares[i + 3][k] = (float)(b[i][0] / sum * tau);
-        }
-    }
-    Lanes weights[6];
-    for (int i = 0; i < 6; i++) weights[i] = vload16(0, shares[i]);
-    Attributes a = blend_corners(&s, weights);
-    vstore16(surface_alpha(tile, &s, &a, g->waiting), 0, alpha);
-    int kept = 0;
-    for (int k = 0; k < g->waiting; k++) {
-        if (!(alpha[k] >= ALPHA_THERE)) continue; // nor where it is seen edge-on
-        g->samples[kept] = g->samples[k];
-        g->x[kept] = g->x[k], g->y[kept++] = g->y[k];
-    }
-    g->waiting = kept;
-}
+    Places places = {.y = tile->y + pixel / TILE + 0.5f};
+    float8 column = (float)(tile->x + pixel % TILE) + (float8)(0, 1, 2, 3, 4, 5, 6, 7);
+    places.x = convert_double8(column + 0.5f);
+#ifdef LENS
+    places.u = places.v = 0.0;
 #endif
+    return places;
+}
 
-static void see_gathered(Tile *tile, Gather *g, double tau)
-{
 #ifdef ALPHA_VARIES
-    keep_there(tile, g, tau);
-#endif
-    if (g->waiting > 0) nearest_of_gathered(tile, g);
-    g->waiting = 0;
+// Eight pixels at whose centres enough of the path, frozen at `tau`, is there.
+static WideMask there_enough(const Tile *tile, Path path, const Resting *r, double tau,
+                             Places places)
+{
+    if (!(path.alpha < 0.0f)) return (WideMask)(-1);
+    Shaded s = load_shaded(tile, r->index);
+    s.place = place_of_lane(&places, 0);
+    load_attributes(tile, &s);
+    Wide e[3];
+    edges_at(r, &places, e);
+    Wide sum = (e[0] + e[1]) + e[2];
+    Lanes weights[6];
+    for (int i = 0; i < 3; i++) {
+        float8 begin = convert_float8(e[i] / sum * (1.0 - tau));
+        float8 end = convert_float8(e[i] / sum * tau);
+        weights[i] = weights[i + 3] = 0.0f;
+        weights[i].lo = begin, weights[i + 3].lo = end;
+    }
+    Attributes a = blend_corners(&s, weights);
+    Lanes alpha = surface_alpha(tile, &s, &a, WIDE);
+    return convert_long8(alpha.lo >= ALPHA_THERE); // nor where it is seen edge-on
 }
+#endif
 
 // The path as it is at `t` into the z-buffer of the box.
-static void see_frozen(Tile *tile, const MovingTriangle *moving, Gather *g, float t, Box box)
+static void see_frozen(Tile *tile, Path path, const MovingTriangle *moving, Resting *r, float t,
+                       Box box)
 {
-    bool there = g->path.step == 0 || (g->path.open <= t && t < g->path.close);
+    bool there = path.step == 0 || (path.open <= t && t < path.close);
     if (!there) return;
-    double tau = local_moment(g->path, t);
-    freeze_triangle(moving, tau, &g->triangle);
-    box = box_of(tile, &g->triangle, box);
-    g->waiting = 0;
+    double tau = local_moment(path, t);
+    freeze_triangle(moving, tau, &r->triangle);
+    set_edges(r);
+    box = box_of(tile, &r->triangle, box);
     for (int y = box.y_low; y < box.y_high; y++)
-        for (int x = box.x_low; x < box.x_high; x++) {
-            Place place = centre_of(tile, x, y);
-            g->samples[g->waiting] = y * TILE + x;
-            g->x[g->waiting] = place.x, g->y[g->waiting] = place.y;
-            if (++g->waiting == WIDE) see_gathered(tile, g, tau);
+        for (int x = box.x_low / WIDE * WIDE; x < box.x_high; x += WIDE) {
+            int pixel = y * TILE + x;
+            Places places = centres_from(tile, pixel);
+            WideMask mask = columns_between(x, box.x_low, box.x_high - 1);
+#ifdef ALPHA_VARIES
+            mask &= there_enough(tile, path, r, tau, places);
+#endif
+            nearest_of_lanes(tile, r, pixel, places, mask);
         }
-    if (g->waiting > 0) see_gathered(tile, g, tau);
 }
 
-static void see_path(Tile *tile, uint path, Gather *g)
+static void see_path(Tile *tile, uint index)
 {
-    begin_gather(tile, path, g);
+    Path path = tile->scene.paths[index];
 #ifdef TRANSLUCENT
-    if (g->path.alpha >= 0.0f && g->path.alpha < ALPHA_THERE) return;
+    if (path.alpha >= 0.0f && path.alpha < ALPHA_THERE) return;
 #endif
-    MovingTriangle moving = g->triangle;
+    Resting r;
+    load_resting(tile, index, &r);
+    MovingTriangle moving = r.triangle;
     Box box = {tile->x_low, tile->x_high, tile->y_low, tile->y_high};
 #if defined(ROLLING_COLUMNS)
     for (int x = tile->x_low; x < tile->x_high; x++) {
         box.x_low = x, box.x_high = x + 1;
-        see_frozen(tile, &moving, g, moment_at(tile, x, 0), box);
+        see_frozen(tile, path, &moving, &r, moment_at(tile, x, 0), box);
     }
 #elif defined(ROLLING)
     for (int y = tile->y_low; y < tile->y_high; y++) {
         box.y_low = y, box.y_high = y + 1;
-        see_frozen(tile, &moving, g, moment_at(tile, 0, y), box);
+        see_frozen(tile, path, &moving, &r, moment_at(tile, 0, y), box);
     }
 #else
-    see_frozen(tile, &moving, g, moment_at(tile, 0, 0), box);
+    see_frozen(tile, path, &moving, &r, moment_at(tile, 0, 0), box);
 #endif
 }
 
@@ -298,13 +293,11 @@ static void store_nothing(size_t out, Aovs aovs)
 static void moment(Tile *tile, Frame frame, Aovs aovs)
 {
     tile->row_low = 0, tile->row_high = TILE;
-    for (int i = 0; i < TILE * TILE; i++) tile->static_depth[i] = INFINITY;
-    Gather g;
-    clear_gather(&g);
+    clear_nearest(tile);
     double far = INFINITY;
     for (uint k = 0; k < tile->member_count; k++) {
         if (k % PATHS_BETWEEN == 0) far = farthest_surface(tile);
-        if (tile->shapes[tile->members[k]].near <= far) see_path(tile, tile->members[k], &g);
+        if (tile->shapes[tile->members[k]].near <= far) see_path(tile, tile->members[k]);
     }
     for (int y = tile->y_low; y < tile->y_high; y++)
         for (int x = tile->x_low; x < tile->x_high; x++) {

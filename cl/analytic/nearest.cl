@@ -2,55 +2,175 @@
 // static surface; it bounds the depth of everything that moves.
 //
 // The edge functions are those of a moving triangle, constant in time, and so is what they say of a
-// sample that lies on one.
-#include "analytic/gather.h"
+// sample that lies on one. Without a lens they are linear in the sample's place.
+#include "analytic/edges.h"
+#include "analytic/walk.h"
+#include "shared/wide.h"
+
+// A triangle at rest, or as it is at one moment.
+typedef struct {
+    MovingTriangle triangle; // the same at both ends
+    uint index;              // of its path
+    bool single_sided;
+    double x[3], y[3], at[3]; // edge i at the sample (X, Y) is x X + y Y + at; without a lens
+} Resting;
+
+// Where eight neighbours of a row lie.
+typedef struct {
+    Wide x, y;
+#ifdef LENS
+    Wide u, v;
+#endif
+} Places;
+
+// Prepare the triangle; its vertices are there.
+static void set_edges(Resting *r)
+{
+    const MovingTriangle *m = &r->triangle;
+    for (int i = 0; i < 3; i++) {
+        int p = edge_first(m, i), q = edge_second(m, i);
+        double sign = (m->reversed >> i & 1u) ? -1.0 : 1.0;
+        r->x[i] = sign * cross2(m->y[p], m->w[p], m->y[q], m->w[q]);
+        r->y[i] = sign * cross2(m->w[p], m->x[p], m->w[q], m->x[q]);
+        r->at[i] = sign * cross2(m->x[p], m->y[p], m->x[q], m->y[q]);
+    }
+}
+
+static void load_resting(const Tile *tile, uint path_index, Resting *r)
+{
+    Path path = tile->scene.paths[path_index];
+    r->index = path_index;
+    r->single_sided = is_single_sided(tile, path);
+    load_moving(tile->scene.vertices, path, tile->shapes[path_index].flags, &r->triangle);
+    set_edges(r);
+}
+
+static Places places_from(const Tile *tile, int sample)
+{
+    Places places;
+#ifdef PLACED
+    for (int i = 0; i < WIDE; i++) {
+        Place place = tile->places[sample + i];
+        ((double *)&places.x)[i] = place.x, ((double *)&places.y)[i] = place.y;
+#ifdef LENS
+        ((double *)&places.u)[i] = place.u, ((double *)&places.v)[i] = place.v;
+#endif
+    }
+#else
+    int row = sample / TILE; // what follows is place_of's sum
+    float8 column = (float)(tile->x + sample % TILE) + (float8)(0, 1, 2, 3, 4, 5, 6, 7);
+    places.x = convert_double8(column + tile->scene.slots[tile->layer + row / TILE].x_low);
+    places.y = sample_y(tile, row);
+#endif
+    return places;
+}
+
+static inline Place place_of_lane(const Places *places, int i)
+{
+    Place place = {((const double *)&places->x)[i], ((const double *)&places->y)[i], 0.0f, 0.0f};
+#ifdef LENS
+    place.u = ((const double *)&places->u)[i], place.v = ((const double *)&places->v)[i];
+#endif
+    return place;
+}
+
+// Values of the three edge functions.
+static inline void edges_at(const Resting *r, const Places *places, Wide *e)
+{
+#ifdef LENS
+    const MovingTriangle *m = &r->triangle;
+    Wide x[3], y[3]; // the same operations as shifted_x and shifted_y
+    for (int i = 0; i < 3; i++) {
+        x[i] = fma(places->u, (Wide)(m->circle[i]), (Wide)(m->x[i]));
+        y[i] = fma(places->v, (Wide)(m->circle[i]), (Wide)(m->y[i]));
+        x[i] = fma(-places->x, (Wide)(m->w[i]), x[i]);
+        y[i] = fma(-places->y, (Wide)(m->w[i]), y[i]);
+    }
+    for (int i = 0; i < 3; i++) {
+        int p = edge_first(m, i), q = edge_second(m, i);
+        double sign = (m->reversed >> i & 1u) ? -1.0 : 1.0;
+        e[i] = sign * fma(x[p], y[q], -(x[q] * y[p]));
+    }
+#else
+    for (int i = 0; i < 3; i++)
+        e[i] = fma((Wide)(r->x[i]), places->x, fma((Wide)(r->y[i]), places->y, (Wide)(r->at[i])));
+#endif
+}
 
 // Depth at one sample, or infinity where the triangle does not cover it, whatever the case.
-static double static_depth_at(const Gather *g, Place place)
+static double static_depth_at(const Resting *r, Place place)
 {
     double e = 0.0, d = 0.0;
     int positive = 0;
     for (int i = 0; i < 3; i++) {
         double b[3], exact[3];
-        perturbed_edge_function(&g->triangle, i, place, b);
-        edge_function(&g->triangle, i, place, exact);
+        perturbed_edge_function(&r->triangle, i, place, b);
+        edge_function(&r->triangle, i, place, exact);
         positive |= (b[0] > 0.0) << i;
-        e += exact[0], d += exact[0] * g->triangle.w[i];
+        e += exact[0], d += exact[0] * r->triangle.w[i];
     }
-    bool covered = (positive == 7 && !g->single_sided) || positive == 0;
+    bool covered = (positive == 7 && !r->single_sided) || positive == 0;
     double w = d / e;
     return covered && w > 0.0 && w < INFINITY ? w : INFINITY;
 }
 
-// Depth at the samples at hand, into the z-buffer; ties go to the path that comes first.
-static void nearest_of_gathered(Tile *tile, const Gather *g)
+// The depth of the triangle, where `mask` allows, into the z-buffer of eight samples from `sample`
+// on; ties go to the path that comes first.
+static void nearest_of_lanes(Tile *tile, const Resting *r, int sample, Places places, WideMask mask)
 {
-    const MovingTriangle *m = &g->triangle;
-    Wide px[3], py[3], e[3];
-    for (int i = 0; i < 3; i++) px[i] = gathered_x(g, i), py[i] = gathered_y(g, i);
-    for (int i = 0; i < 3; i++) {
-        int p = edge_first(m, i), q = edge_second(m, i);
-        double sign = (m->reversed >> i & 1u) ? -1.0 : 1.0;
-        e[i] = sign * fma(px[p], py[q], -(px[q] * py[p]));
+    Wide e[3];
+    edges_at(r, &places, e);
+    WideMask covered = (e[0] < 0.0) & (e[1] < 0.0) & (e[2] < 0.0);
+    if (!r->single_sided) covered |= (e[0] > 0.0) & (e[1] > 0.0) & (e[2] > 0.0);
+    WideMask zero = mask & ((e[0] == 0.0) | (e[1] == 0.0) | (e[2] == 0.0));
+    covered &= mask;
+    if (!any(covered | zero)) return;
+    const double *depth = r->triangle.w;
+    Wide w = (e[0] * depth[0] + e[1] * depth[1] + e[2] * depth[2]) / (e[0] + e[1] + e[2]);
+    w = (covered & (w > 0.0)) ? w : (Wide)(INFINITY);
+    if (any(zero))
+        for (int i = 0; i < WIDE; i++)
+            if (((const long *)&zero)[i])
+                ((double *)&w)[i] = static_depth_at(r, place_of_lane(&places, i));
+    Wide before = vload8(0, tile->static_depth + sample);
+    uint8 part = vload8(0, tile->static_part + sample);
+    WideMask first = convert_long8((uint8)(r->index) < part >> PART_BITS);
+    WideMask nearer = (w < before) | ((w == before) & (w < INFINITY) & first);
+    if (!any(nearer)) return;
+    vstore8(nearer ? w : before, 0, tile->static_depth + sample);
+    vstore8(convert_int8(nearer) ? (uint8)(r->index << PART_BITS) : part, 0,
+            tile->static_part + sample);
+}
+
+// Columns of a row that lie from `first` to `last`.
+static inline WideMask columns_between(int column, int first, int last)
+{
+    long8 lanes = (long)column + (long8)(0, 1, 2, 3, 4, 5, 6, 7);
+    return (lanes >= (long)first) & (lanes <= (long)last);
+}
+
+// The samples of a row from column `first` to `last`, but for those that something at hand lies
+// before.
+static void nearest_in_row(Tile *tile, const Resting *r, int row, int first, int last)
+{
+    double near = tile->shapes[r->index].near;
+    for (int column = first / WIDE * WIDE; column <= last; column += WIDE) {
+        int sample = row * TILE + column;
+        Wide before = vload8(0, tile->static_depth + sample);
+        WideMask mask = columns_between(column, first, last) & (before >= near);
+        if (!any(mask)) continue;
+#ifdef AOV_OPERATIONS
+        for (int i = 0; i < WIDE; i++) tile->tested[sample + i] -= ((const long *)&mask)[i];
+#endif
+        nearest_of_lanes(tile, r, sample, places_from(tile, sample), mask);
     }
-    WideMask front = (e[0] < 0.0) & (e[1] < 0.0) & (e[2] < 0.0);
-    WideMask back = (e[0] > 0.0) & (e[1] > 0.0) & (e[2] > 0.0);
-    WideMask zero = (e[0] == 0.0) | (e[1] == 0.0) | (e[2] == 0.0);
-    if (!g->single_sided) front |= back;
-    Wide w = (e[0] * m->w[0] + e[1] * m->w[1] + e[2] * m->w[2]) / (e[0] + e[1] + e[2]);
-    w = (front & (w > 0.0)) ? w : (Wide)(INFINITY);
-    double depth[WIDE];
-    long is_zero[WIDE];
-    vstore8(w, 0, depth);
-    vstore8(zero, 0, is_zero);
-    for (int i = 0; i < g->waiting; i++) {
-        int sample = g->samples[i];
-        double here = is_zero[i] ? static_depth_at(g, gathered_place(g, i)) : depth[i];
-        bool first = here < INFINITY && here == tile->static_depth[sample]
-                     && g->index < tile->static_part[sample] >> PART_BITS;
-        if (!(here < tile->static_depth[sample]) && !first) continue;
-        tile->static_depth[sample] = here;
-        tile->static_part[sample] = g->index << PART_BITS;
+}
+
+static void clear_nearest(Tile *tile)
+{
+    for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
+        tile->static_depth[i] = INFINITY;
+        tile->static_part[i] = 0u;
     }
 }
 
@@ -72,19 +192,23 @@ static double farthest_surface(const Tile *tile)
 // all that follow lie behind. Always true: a z-buffer cannot run full.
 static bool nearest(Tile *tile)
 {
-    for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++)
-        tile->static_depth[i] = INFINITY;
-    Gather g;
-    clear_gather(&g);
+    clear_nearest(tile);
+    const int block_rows = min(LANES, TILE);
     double far = INFINITY;
     for (uint k = 0; k < tile->static_count; k++) {
         if (k % PATHS_BETWEEN == 0) far = farthest_surface(tile);
-        if (tile->shapes[tile->members[k]].near > far) break;
+        uint path = tile->members[k];
+        if (tile->shapes[path].near > far) break;
         fetch_ahead(tile, k);
-        begin_gather(tile, tile->members[k], &g);
-        while (gather_samples(tile, &g)) {
-            count_tested(tile, &g);
-            nearest_of_gathered(tile, &g);
+        Resting r;
+        load_resting(tile, path, &r);
+        for (int block = 0; block < tile->row_high; block += block_rows) {
+            int first[LANES], last[LANES];
+            if (block + block_rows <= tile->row_low
+                || !walk_rows(tile, tile->shapes + path, block, first, last))
+                continue;
+            for (int i = 0; i < block_rows; i++)
+                nearest_in_row(tile, &r, block + i, first[i], last[i]);
         }
     }
     return true;
