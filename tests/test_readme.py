@@ -69,6 +69,11 @@ def test_its_python_example_runs(tmp_path, monkeypatch):
     assert not np.array_equal(names["blurred"], names["sharp"])
 
 
+def test_it_says_of_every_shipped_scene_who_wins():
+    told = re.findall(r"^\| (\w+) \| exact time \|", README, re.MULTILINE)
+    assert sorted(told) == sorted(path.stem for path in (ROOT / "scenes").glob("*.toml"))
+
+
 def test_its_table_of_layers_is_complete():
     table = re.findall(r"^\| (\w+) \| `(\w+\.\w+)`((?: `\w+`)*) \|", README, re.MULTILINE)
     documented = {}

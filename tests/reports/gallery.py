@@ -81,7 +81,7 @@ def table(results: dict[str, Any]) -> str:
             cells = []
             for column, value in enumerate(seconds):
                 others = [row[column] for row in found.values() if row[column] is not None]
-                text = "" if value is None else f"{value:.2f}"
+                text = "" if value is None else f"{value:.2g}"
                 cells.append(f"**{text}**" if value is not None and value == min(others) else text)
             lines.append(f"| {name} | {kind} | {' | '.join(cells)} |")
     return "\n".join(lines)
