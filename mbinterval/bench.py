@@ -68,7 +68,10 @@ _MORE_ROWS: dict[str, dict[str, Any]] = {
     EQUAL_ERROR: {"method": "stochastic"},
 }
 
-_KEPT = ("motion_segments", "motion_error", "texture_samples", "seed", "transparent")
+_KEPT = (
+    *("motion_segments", "motion_error", "texture_samples", "shading_error"),
+    *("seed", "transparent"),
+)
 """Settings of a scene file that stay in a row whose method has them; the others are the row's."""
 
 _MOST_SAMPLES = 4096

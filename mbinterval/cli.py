@@ -53,7 +53,9 @@ _SETTING_HELP = {
     "pattern": "where a pixel's samples lie",
     "filter": "pixel filter",
     "filter_radius": "radius of the pixel filter in pixels",
-    "texture_samples": "shading evaluations along each visible span",
+    "texture_samples": "shading evaluations along each visible span; 'none' takes as many as "
+    "--shading-error asks for",
+    "shading_error": "greatest error of a visible span's colour, in linear colour",
     "motion_segments": "linear motion segments per shutter, for meshes that state none; "
     "'none' chooses them by --motion-error",
     "motion_error": "greatest path error of chosen motion segments, in pixels",

@@ -112,7 +112,7 @@ def make_plan(
         if settings.max_intervals is not None:
             sizes["MAX_INTERVALS"] = settings.max_intervals
     if active & {"PHONG", "TEXTURED", "VERTEX_COLOR"}:
-        sizes["TEXTURE_SAMPLES"] = settings.texture_samples
+        sizes |= _shading_sizes(settings)
     if active & {"MOMENTARY", "AOV_SHARP"}:
         sizes["AOV_TIME"] = _float(settings.aov_time)
     sizes |= sampling_sizes(exposure, settings, active)
@@ -141,6 +141,13 @@ def make_plan(
         layers=layers,
         capacity=capacity if timed else 1,
     )
+
+
+def _shading_sizes(settings: Settings) -> dict[str, int | str]:
+    """Return how often colour is evaluated along a span, or what decides that."""
+    if settings.shading_times is None:
+        return {"SHADING_ERROR": _float(settings.shading_error)}
+    return {"TEXTURE_SAMPLES": settings.shading_times}
 
 
 def _around(crop: Crop, width: int, height: int) -> Crop:

@@ -52,12 +52,12 @@ def case_of(name: str, seed: int) -> tuple[Scene, mb.Settings]:
     rng = np.random.default_rng(seed)
     if name == "everything":
         scene = Scene(meshes=everything(rng), camera=MOVING_CAMERA, lights=LIGHTS)
-        return scene, mb.Settings(samples=2)
+        return scene, mb.Settings(samples=2, texture_samples=16)
     case = CASES[name]
     scene = Scene(
         meshes=case.meshes(rng), camera=case.camera, lights=LIGHTS, background=case.background
     )
-    return scene, mb.Settings(**({"samples": 1} | case.settings))
+    return scene, mb.Settings(**({"samples": 1, "texture_samples": 16} | case.settings))
 
 
 RANDOM = [name for name in CASES if name not in TRIANGULATED_ONLY] + ["everything"]
@@ -110,7 +110,7 @@ def test_shipped_scenes_agree_with_the_exact_twin(name):
         scene = replace(scene, background=(0.5, 0.6, 0.7))
     if scene.shutter.rolling:  # and exposes all lines together (tests/test_shutter_lens.py)
         scene = replace(scene, shutter=mb.Shutter())
-    settings = mb.Settings(samples=1)
+    settings = mb.Settings(samples=1, texture_samples=16)
     film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
     error = film.rgba - twin(exposed(scene, settings), settings).rgba
     print(f"\n{name}: RMSE {rms(error):.1e}, greatest {np.abs(error).max():.1e}")
@@ -123,7 +123,7 @@ if FOLDER.is_dir():
     @pytest.mark.parametrize("name", CROPS)
     def test_crops_of_the_benchmark_agree_with_the_exact_twin(name):
         scene, *size = read_benchmark(FOLDER / f"{name}.npz")
-        settings = mb.Settings(samples=1)
+        settings = mb.Settings(samples=1, texture_samples=16)
         crop = CROPS[name]
         film = mb.render(scene, width=size[0], height=size[1], settings=settings, crop=crop)
         error = film.rgba - twin(exposed(scene, settings, tuple(size)), settings, size, crop).rgba

@@ -105,7 +105,7 @@ def made(name: str, seed: int) -> tuple[Scene, mb.Settings]:
     case = CASES[name]
     meshes = case.meshes(np.random.default_rng(seed))
     of = Scene(meshes=meshes, camera=case.camera, lights=LIGHTS, background=(0.18, 0.1, 0.3))
-    return of, mb.Settings(**({"samples": 1} | case.settings))
+    return of, mb.Settings(**({"samples": 1, "texture_samples": 16} | case.settings))
 
 
 def twin(of: Scene, settings: mb.Settings, by: float = 0.0) -> Image:

@@ -42,10 +42,9 @@ static bool alpha_varies(const Tile *tile, global const Span *spans, uint count)
     return found;
 }
 
-// Colours of a span at sixteen of n times along it, from `first` on; its texture's level is that of
-// the span.
-static Colors layer_colors(const Tile *tile, int sample, Span span, Place place, float2 window,
-                           int first, int n)
+// Colours of a layer at places of a stack's time. False, and none, where that would not tell enough.
+static bool layer_colors(const Tile *tile, int sample, Span span, Place place, float2 window,
+                         Instants places, Colors *colors)
 {
     Shaded s = load_shaded(tile, span.source);
     const float *base = s.path.color;
@@ -58,37 +57,58 @@ static Colors layer_colors(const Tile *tile, int sample, Span span, Place place,
         s.place = place, s.window = window;
         load_attributes(tile, &s);
         Varying v = prepare_varying(tile, &s, span);
-        return colors_along(tile, &s, &v, span, span_level(tile, &s, &v, span, n), first, n);
+        float level = span_level(tile, &s, &v, span, places.n);
+        return colors_along(tile, &s, &v, span, level, places, colors);
     }
-    Colors colors = {flat.x, flat.y, flat.z, flat.w};
-    return colors;
+    Colors same = {flat.x, flat.y, flat.z, flat.w};
+    *colors = same;
+    return true;
 }
 
-// Blend at n times, sixteen at a time.
+// What the layers add at the places at hand of a stack's time, whose light is given: sums over the
+// places. False where that would not be exact enough.
+static bool blend_places(const Tile *tile, int sample, global const Span *spans, uint count,
+                         Span stretch, Place place, float2 window, Instants places, Lanes light,
+                         Blended *sum)
+{
+    Lanes rest = 1.0f;
+    const float given = lanes_sum(light);
+    float left = given;
+    Colors all = {0.0f, 0.0f, 0.0f, 0.0f};
+    sum->depth = 0.0f;
+    for (uint i = 0; i < count && left > NO_LIGHT * given; i++) {
+        Span span = spans[i];
+        span.t0 = stretch.t0, span.t1 = stretch.t1;
+        Colors here;
+        if (!layer_colors(tile, sample, span, place, window, places, &here)) return false;
+        Lanes part = rest * here.alpha;
+        all.x += part * here.x, all.y += part * here.y, all.z += part * here.z, all.alpha += part;
+        sum->depth += lanes_sum(light * part) * middle_depth(tile, span, place);
+        rest -= part;
+        left = lanes_sum(light * rest);
+    }
+    sum->color = weighted_sum(&all, light), sum->color.w = lanes_sum(light * all.alpha);
+    return is_smooth(&all, places);
+}
+
+// Blend all layers at the same times.
 static Blended blend_over_time(const Tile *tile, int sample, global const Span *spans, uint count,
                                float2 times, Place place, float2 window)
 {
     Span stretch = {times.x, times.y, 0.0f, 0u};
-    const int n = places_along(stretch);
+    Instants places = first_places(stretch);
     Blended sum = {0.0f, 0.0f};
     float total = 0.0f;
-    for (int first = 0; first < n; first += LANES) {
-        Lanes rest = part_light(tile, window, stretch, first, n);
-        float given = lanes_sum(rest), left = given;
-        total += given;
-        for (uint i = 0; i < count && left > NO_LIGHT * given; i++) {
-            Span span = spans[i];
-            span.t0 = times.x, span.t1 = times.y;
-            Colors here = layer_colors(tile, sample, span, place, window, first, n);
-            Lanes part = rest * here.alpha;
-            float3 color = (float3)(lanes_sum(part * here.x), lanes_sum(part * here.y),
-                                    lanes_sum(part * here.z));
-            float seen = lanes_sum(part);
-            sum.color += (float4)(color, seen);
-            sum.depth += seen * middle_depth(tile, span, place);
-            rest -= part;
-            left = lanes_sum(rest);
+    for (bool more = true; more;) {
+        Blended part;
+        Lanes light = part_light(tile, window, stretch, places);
+        if (!blend_places(tile, sample, spans, count, stretch, place, window, places, light,
+                          &part)) {
+            refine(&places);
+            continue;
         }
+        sum.color += part.color, sum.depth += part.depth, total += lanes_sum(light);
+        more = next_places(&places);
     }
     if (total > 0.0f) sum.color /= total, sum.depth /= total;
     return sum;

@@ -1,8 +1,7 @@
 // Stage "shade": the average colour of every visible span (Hong & Oh 2017, 3.2 and 4.4), summed
 // into its pixel.
 //
-// Colour is averaged over TEXTURE_SAMPLES places along the visible part; the mip level comes from
-// the longest extent of that part in texels, over the number of samples.
+// Colour is averaged over places along the visible part, as many as quadrature.h says.
 #include "analytic/shutter.h"
 #ifdef EXACT
 #include "analytic/varying_exact.h"
@@ -16,33 +15,16 @@
 #endif
 
 #ifdef VARYING
+#include "analytic/quadrature.h"
 #ifdef STATIC
 #include "analytic/still.h"
 #endif
 
-// The light that passes in each of the n equal parts of the span from `first` on; nothing beyond n.
-static inline Lanes part_light(const Tile *tile, float2 window, Span span, int first, int n)
-{
-#ifdef SHUTTER_CURVE
-    if (span.t0 == span.t1) return LANE_INDEX < 1.0f ? (Lanes)(1.0f) : (Lanes)(0.0f);
-    float light[LANES], step = (span.t1 - span.t0) / n;
-    float before = light_until(&tile->scene, window, span.t0 + step * first);
-    for (int i = 0; i < LANES; i++) {
-        float after = light_until(&tile->scene, window, span.t0 + step * min(first + i + 1, n));
-        light[i] = after - before;
-        before = after;
-    }
-    return vload16(0, light);
-#else
-    return first + LANE_INDEX < (float)n ? (Lanes)(1.0f) : (Lanes)(0.0f);
-#endif
-}
-
-// Mip level at which a sample's share of the span's longest extent is one texel; a test of alpha
-// is made of the texture itself.
+// Mip level of all places of the span: that at which their share of the span's longest extent is one
+// texel (Hong & Oh 2017, 4.4). A test of alpha is made of the texture itself.
 static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Span span, int n)
 {
-#ifdef TEXTURED
+#if defined(TEXTURED) && !defined(SHADING_ERROR)
     if (s->material.texture == NONE || (s->material.flags & MATERIAL_MASK)) return 0.0f;
     Texture texture = tile->scene.textures[s->material.texture];
     Attributes a = attributes_at(s, v, LANE_INDEX < 1.0f ? (Lanes)(span.t0) : (Lanes)(span.t1));
@@ -54,22 +36,46 @@ static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Spa
 #endif
 }
 
-// Number of places along a span at which its colour is found: one where it has no length.
-static inline int places_along(Span span)
+#ifdef SHADING_ERROR
+// Whether the places, with these attributes, lie close enough together for the rule to be judged by
+// its values: closer than texels are, and than highlights are wide. Where no more are to be had the
+// level grows with the distance.
+static bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a, Instants places,
+                         float *level)
 {
-#ifdef AOV_SHARP
-    if (span.t0 == span.t1) return 1;
+    bool close = true;
+#ifdef TEXTURED
+    if (s->material.texture != NONE) {
+        Texture texture = tile->scene.textures[s->material.texture];
+        Lanes across = fabs(lanes_steps(a->u)) * texture.width;
+        Lanes down = fabs(lanes_steps(a->v)) * texture.height;
+        float texels = lanes_greatest(lanes_max(across, down));
+        close = texels <= SPACING;
+        if (!can_refine(places) && !(s->material.flags & MATERIAL_MASK))
+            *level = fmax(*level, log2(fmax(texels, 1.0f)));
+    }
 #endif
-    return TEXTURE_SAMPLES;
+#ifdef PHONG
+    if (s->material.flags & MATERIAL_PHONG) {
+        Lanes3 n = lanes_unit(a->normal);
+        Lanes3 turn = {lanes_steps(n.x), lanes_steps(n.y), lanes_steps(n.z)};
+        close &= lanes_greatest(lanes_dot(turn, turn)) <= highlight_width(&s->material);
+    }
+#endif
+    return close;
 }
+#endif
 
-// Colours at sixteen of the n places along the span, from `first` on; the last one repeated beyond.
-static Colors colors_along(const Tile *tile, const Shaded *s, const Varying *v, Span span,
-                           float level, int first, int n)
+// Colours at places along the span, with mip level `level`. False, and none, where that would not
+// tell enough.
+static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Span span,
+                         float level, Instants places, Colors *colors)
 {
-    Lanes i = lanes_min(first + LANE_INDEX, (Lanes)(n - 1.0f));
-    Lanes t = span.t0 + (span.t1 - span.t0) * ((i + 0.5f) / n);
+    Lanes t = times_of(span, places);
     Attributes a = attributes_at(s, v, t);
+#ifdef SHADING_ERROR
+    if (!close_enough(tile, s, &a, places, &level) && can_refine(places)) return false;
+#endif
     Lanes w = 1.0f, across = 0.0f, down = 0.0f; // depth is for what lies near
 #if defined(PHONG) && (defined(POINT_LIGHTS) || defined(LENS))
     w = varying_depth(v, t);
@@ -79,25 +85,35 @@ static Colors colors_along(const Tile *tile, const Shaded *s, const Varying *v, 
     w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
     across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
 #endif
-    return surface_color(tile, s, &a, level, n - first, t, w, across, down);
+    *colors = surface_color(tile, s, &a, level, places.count, t, w, across, down);
+    return true;
 }
 
-// Average colour of the span, from so many places, sixteen at a time.
+static inline float4 weighted_sum(const Colors *colors, Lanes light)
+{
+    return (float4)(lanes_sum(light * colors->x), lanes_sum(light * colors->y),
+                    lanes_sum(light * colors->z), 0.0f);
+}
+
+// Average colour of the span.
 static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 {
-    const int n = places_along(span);
     Varying v = prepare_varying(tile, s, span);
-    float level = span_level(tile, s, &v, span, n);
-    float3 sum = 0.0f;
+    Instants places = first_places(span);
+    float level = span_level(tile, s, &v, span, places.n);
+    float4 sum = 0.0f;
     float total = 0.0f;
-    for (int first = 0; first < n; first += LANES) {
-        Colors here = colors_along(tile, s, &v, span, level, first, n);
-        Lanes light = part_light(tile, s->window, span, first, n);
-        sum += (float3)(lanes_sum(light * here.x), lanes_sum(light * here.y),
-                        lanes_sum(light * here.z));
-        total += lanes_sum(light);
+    for (bool more = true; more;) {
+        Colors here;
+        if (!colors_along(tile, s, &v, span, level, places, &here) || !is_smooth(&here, places)) {
+            refine(&places);
+            continue;
+        }
+        Lanes light = part_light(tile, s->window, span, places);
+        sum += weighted_sum(&here, light), total += lanes_sum(light);
+        more = next_places(&places);
     }
-    return total > 0.0f ? sum / total : (float3)(0.0f);
+    return total > 0.0f ? sum.xyz / total : (float3)(0.0f);
 }
 
 #endif // VARYING

@@ -20,6 +20,16 @@ static inline float lanes_sum(Lanes a)
     return (sum.x + sum.z) + (sum.y + sum.w);
 }
 
+static inline float lanes_greatest(Lanes a)
+{
+    const float4 *part = (const float4 *)&a;
+    float4 most = fmax(fmax(part[0], part[2]), fmax(part[1], part[3]));
+    return fmax(fmax(most.x, most.z), fmax(most.y, most.w));
+}
+
+// The next lane's value less each lane's; 0 in the last.
+static inline Lanes lanes_steps(Lanes a) { return a.s123456789abcdeff - a; }
+
 // Sixteen vectors.
 typedef struct {
     Lanes x, y, z;

@@ -130,6 +130,16 @@ static inline Lanes lanes_power(Lanes x, float y)
     return seen ? e * as_float16((whole + 127) << 23) : (Lanes)(0.0f);
 }
 
+// Square of the chord that a unit normal may turn by from one place to the next so that no highlight
+// passes unseen between them: what is mirrored turns twice as far, by half of the highlight's width
+// at half its height. cos^n is 1/2 at an angle of sqrt(2 ln 2 / n).
+static inline float highlight_width(const Material *material)
+{
+    const float *specular = material->specular;
+    bool shiny = specular[0] != 0.0f || specular[1] != 0.0f || specular[2] != 0.0f;
+    return shiny ? 0.5f * M_LN2_F / material->shininess : INFINITY;
+}
+
 // Phong (1975): colour seen from `view` (towards the eye) of points with unit normals.
 static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lanes3 normal,
                     Lanes3 view, global const Light *lights, uint light_count)
