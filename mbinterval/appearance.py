@@ -15,6 +15,8 @@ from mbinterval.scene.model import Light, Material, Texture
 DEFAULT_MATERIAL = Material()
 
 Float32 = NDArray[np.float32]
+LEAST_ROUGHNESS = 0.03
+"""Below it a material shines as with it (``cl/shared/shading.h``)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +53,19 @@ TextureKey = tuple[int, bool]
 """Identity of a texture, and whether its alpha counts."""
 
 
-def texture_key(material: Material) -> TextureKey:
-    """Return what tells the texture of ``material`` from others on the device."""
-    return id(material.texture), material.alpha != "opaque"
+def _uses_of(material: Material) -> dict[str, tuple[Texture | None, bool]]:
+    """Textures by the field of the record that names them, and whether their alpha counts."""
+    return {
+        "texture": (material.texture, material.alpha != "opaque"),
+        "gloss_texture": (material.metallic_roughness_texture, False),
+        "emission_texture": (material.emission_texture, False),
+    }
 
 
 def textures_of(materials: Sequence[Material]) -> dict[TextureKey, Texture]:
     """Return the textures in use, each once, or twice if its alpha counts for some only."""
-    return {texture_key(m): m.texture for m in materials if m.texture}
+    uses = [use for material in materials for use in _uses_of(material).values()]
+    return {(id(texture), counts): texture for texture, counts in uses if texture}
 
 
 def texture_image(texture: Texture, counts: bool) -> Float32:
@@ -131,12 +138,31 @@ def _material_table(
         row["specular"], row["shininess"] = material.specular, material.shininess
         row["flags"] = (
             (material.shading == "phong") * records.MATERIAL_PHONG
+            + (material.shading == "metallic_roughness") * records.MATERIAL_METALLIC
             + (not material.double_sided) * records.MATERIAL_SINGLE_SIDED
             + (material.alpha == "mask") * records.MATERIAL_MASK
         )
-        row["texture"] = index.get(texture_key(material), records.NONE)
-        row["cutoff"] = material.alpha_cutoff
+        for name, (texture, counts) in _uses_of(material).items():
+            row[name] = index.get((id(texture), counts), records.NONE)
+        row["cutoff"], row["turn"] = material.alpha_cutoff, _turn(material)
+        row["metallic"], row["roughness"] = material.metallic, material.roughness
+        row["emission"] = material.emission
     return table
+
+
+def _turn(material: Material) -> float:
+    """Square of the chord that normals may turn by so that no highlight passes unseen.
+
+    What is mirrored turns twice as far as they do, by half of a highlight's width at half its
+    height: cos^n is 1/2 at an angle of sqrt(2 ln 2 / n), and GGX's distribution where the tangent
+    between normal and half-way vector is sqrt(sqrt(2) - 1) times alpha.
+    """
+    if material.shading == "phong":
+        return 0.5 * float(np.log(2.0)) / material.shininess if any(material.specular) else np.inf
+    roughness = material.roughness
+    if material.metallic_roughness_texture is not None:
+        roughness *= float(material.metallic_roughness_texture.image[..., 1].min())
+    return float(np.sqrt(2.0) - 1.0) * max(roughness, LEAST_ROUGHNESS) ** 4
 
 
 def _texture_table(textures: list[Texture], chains: list[list[Float32]]) -> NDArray[np.void]:

@@ -136,7 +136,7 @@ def _motion(mesh: MeshExposure) -> str:
 def _lights(exposure: Exposure, motion: Motion) -> str:
     kinds = Counter(light.kind for light in exposure.lights)
     text = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"
-    unlit = not any(material.shading == "phong" for material in motion.materials)
+    unlit = all(material.shading == "unlit" for material in motion.materials)
     return f"{text}; no surface reflects them" if unlit and kinds else text
 
 

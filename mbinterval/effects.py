@@ -41,6 +41,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
         *_geometry(motion),
         *_transparency(exposure),
         *_shading(exposure, motion),
+        _over_time(motion, settings, moving),
         *_film(exposure, settings),
         *_published(settings, moving),
         *_layers(settings),
@@ -133,16 +134,30 @@ def _transparency(exposure: Exposure) -> tuple[Effect, ...]:
 
 def _shading(exposure: Exposure, motion: Motion) -> tuple[Effect, ...]:
     phong = [m.name for m in motion.materials if m.shading == "phong"]
-    textured = [m.name for m in motion.materials if m.texture is not None]
+    metallic = [m.name for m in motion.materials if m.shading == "metallic_roughness"]
+    glowing = [m.name for m in motion.materials if m.shading != "unlit" and any(m.emission)]
+    lit = bool(phong or metallic)
+    textured = [m.name for m in motion.materials if m.textures]
     colored = [m.mesh.name for m in exposure.meshes if m.color is not None]
     points = sum(light.kind == "point" for light in exposure.lights)
-    lamps = f"{points} point lights" if phong or not points else "nothing reflects them"
+    lamps = f"{points} point lights" if lit or not points else "nothing reflects them"
     return (
         Effect("phong shading", bool(phong), _named("material", phong), "PHONG"),
-        Effect("point lights", bool(phong) and points > 0, lamps, "POINT_LIGHTS"),
+        Effect("metallic-roughness shading", bool(metallic), _named("material", metallic),
+               "METALLIC"),
+        Effect("emission", bool(glowing), _named("material", glowing), "EMISSION"),
+        Effect("point lights", lit and points > 0, lamps, "POINT_LIGHTS"),
         Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
         Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
-    )
+    )  # fmt: skip
+
+
+def _over_time(motion: Motion, settings: Settings, moving: bool) -> Effect:
+    varying = any(m.shading != "unlit" or m.textures for m in motion.materials) or motion.color.size
+    fixed = settings.shading_times
+    times = f"shading_error={settings.shading_error:g}" if fixed is None else f"{fixed} times"
+    why = f"{times} along each span" if varying else "colours are constant"
+    return Effect("shading over time", bool(varying and moving), why if moving else "nothing moves")
 
 
 def _film(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:

@@ -38,6 +38,11 @@ def linear_to_srgb(values: NDArray[Any]) -> NDArray[np.float64]:
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
+def undecoded(image: Float32) -> Float32:
+    """Return the values that a file of integers has, of an image that was decoded from sRGB."""
+    return np.concatenate([linear_to_srgb(image[..., :3]), image[..., 3:]], axis=-1).astype("f4")
+
+
 def read_image(path: str | Path) -> Float32:
     """Read a texture or a background from a PNG, JPEG, EXR or other image file.
 

@@ -111,7 +111,7 @@ def make_plan(
             sizes["MASK_BITS"] = settings.occlusion
         if settings.max_intervals is not None:
             sizes["MAX_INTERVALS"] = settings.max_intervals
-    if active & {"PHONG", "TEXTURED", "VERTEX_COLOR"}:
+    if active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR"}:
         sizes |= _shading_sizes(settings)
     if active & {"MOMENTARY", "AOV_SHARP"}:
         sizes["AOV_TIME"] = _float(settings.aov_time)

@@ -24,6 +24,7 @@ SLABS = 64
 
 _SHARED = frozenset(
     ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "POINT_LIGHTS", "TEXTURED", "VERTEX_COLOR")
+    + ("METALLIC", "EMISSION")
     + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA")
     + ("FACE_COLOR", "BACKGROUND_IMAGE", "TRANSPARENT", "WEIGHTED", "ROLLING", "ROLLING_COLUMNS")
     + ("",)
@@ -94,7 +95,7 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
     times = f"slice_times={settings.slice_times!r}"
     in_order = pattern in ("sobol", "jittered", "fixed", "rgss", "interleave_uvt", "slices")
     reordered = "LENS" in active or ("MOVING" in active and not in_order)
-    varying = bool(active & {"PHONG", "TEXTURED", "VERTEX_COLOR"})
+    varying = bool(active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR"})
     rate = f"shading_rate={settings.shading_rate!r}"
     return (
         Effect(

@@ -123,6 +123,7 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
         "filter": "box",
         "filter_radius": 0.5,
         "texture_samples": 3,
+        "shading_error": 0.01,
         "motion_segments": 4,
         "motion_error": 0.25,
         "seed": 5,

@@ -154,13 +154,18 @@ def test_what_does_not_move_has_no_stage_of_time_in_its_kernel(way):
 def test_untextured_scenes_have_no_texture_code_and_unlit_ones_no_light():
     header = "shared/shading.h"
     for flat in (mesh(), mesh(False), mesh(**VERTEX_COLOR), mesh(**FACE_COLOR)):
-        assert builds_without(plan(flat), ("texture_at", "phong"), header)
+        assert builds_without(plan(flat), ("texture_at", "reflected"), header)
     textured = plan(mesh(material=UNLIT_PICTURE, uv=UV))
-    assert builds_without(textured, ("phong",), header)
+    assert builds_without(textured, ("reflected",), header)
     assert not builds_without(textured, ("texture_at",), header)
     lit = plan(mesh(material=Material("clay")))
     assert builds_without(lit, ("texture_at",), header)
-    assert not builds_without(lit, ("phong",), header)
+    assert not builds_without(lit, ("reflected",), header)
+    gloss = ("facets_of", "facets_reflect", "load_gloss", "with_emission")
+    assert builds_without(lit, gloss, "shared/records.h")
+    metal = plan(mesh(material=Material("gold", shading="metallic_roughness")))
+    assert not builds_without(metal, gloss[:3], "shared/records.h")
+    assert builds_without(metal, gloss[3:], "shared/records.h")
 
 
 def test_what_is_opaque_leaves_no_code_of_transparency():

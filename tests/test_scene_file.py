@@ -66,7 +66,7 @@ def test_every_error_is_reported_at_once():
         "lights[0].kind": "expected 'ambient', 'directional' or 'point', got 'sun'",
         "lights[1].kind": "is missing",
         "objects[0].visible": "expected true or false, got 'yes'",
-        "objects[0].material.shading": "expected 'unlit' or 'phong', got 'flat'",
+        "objects[0].material.shading": "expected 'unlit', 'phong' or 'metallic_roughness'",
         "objects[0].material.shininess": "expected greater than 0, got 0",
         "objects[1].file": "file not found: tried nowhere.obj",
         "objects[1]": "give one of file, positions (with faces) and primitive, found file and",

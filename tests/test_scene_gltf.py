@@ -235,7 +235,30 @@ def test_unlit_extension(tmp_path):
     gltf.triangle(material=1)
     gltf.json["scenes"][0]["nodes"] = [gltf.node(mesh=0), gltf.node(mesh=1)]
     lit = [m.material.shading for m in read_gltf(gltf.write(tmp_path / "a.glb"), 24.0).meshes]
-    assert lit == ["unlit", "phong"]
+    assert lit == ["unlit", "metallic_roughness"]
+
+
+def test_metallic_roughness_and_emission(tmp_path):
+    gltf = Gltf()
+    pixels = np.array([[[0, 51, 255], [255, 102, 0]]], np.uint8)
+    view = gltf.view(png(pixels))
+    gltf.json["images"] = [{"bufferView": view, "mimeType": "image/png"}]
+    gltf.json["textures"] = [{"source": 0}]
+    texture = {"index": 0}
+    gltf.json["materials"] = [
+        {"pbrMetallicRoughness": {"metallicFactor": 0.25, "roughnessFactor": 0.5,
+                                  "metallicRoughnessTexture": texture}},
+        {"emissiveFactor": [1, 0.5, 0], "emissiveTexture": texture},
+    ]  # fmt: skip
+    gltf.triangle(material=0)
+    gltf.triangle(material=1)
+    gltf.json["scenes"][0]["nodes"] = [gltf.node(mesh=0), gltf.node(mesh=1)]
+    gloss, lamp = (m.material for m in read_gltf(gltf.write(tmp_path / "a.glb"), 24.0).meshes)
+    assert (gloss.metallic, gloss.roughness) == (0.25, 0.5)
+    stored = gloss.metallic_roughness_texture.image[..., :3] * 255.0  # as in the file, not sRGB
+    assert np.array_equal(np.rint(stored), pixels)
+    assert (lamp.metallic, lamp.roughness, lamp.emission) == (1.0, 1.0, (1.0, 0.5, 0.0))
+    assert lamp.emission_texture.image[0, 0, 1] == pytest.approx(0.0331, abs=1e-3)  # from sRGB
 
 
 def test_hierarchy_of_animated_nodes(tmp_path):

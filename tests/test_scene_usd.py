@@ -356,6 +356,22 @@ def test_base_colour_and_texture_of_a_preview_surface(tmp_path):
     np.testing.assert_allclose(found["image"].material.base_color, (0.5, 0, 0))
 
 
+def test_gloss_and_emission_of_a_preview_surface(tmp_path):
+    stage = new_stage(tmp_path)
+    plain, shiny = quad(stage, "/plain"), quad(stage, "/shiny")
+    bind(plain, preview(stage, "/dull")[0])
+    material, surface = preview(stage, "/metal", emissiveColor=(0.5, 0.25, 0.0))
+    for name, value in (("metallic", 1.0), ("roughness", 0.125)):
+        surface.CreateInput(name, Sdf.ValueTypeNames.Float).Set(value)
+    bind(shiny, material)
+    found = {mesh.name: mesh.material for mesh in read(stage).meshes}
+    assert {m.shading for m in found.values()} == {"metallic_roughness"}
+    assert (found["plain"].metallic, found["plain"].roughness) == (0.0, 0.5)
+    assert (found["shiny"].metallic, found["shiny"].roughness) == (1.0, 0.125)
+    assert found["shiny"].emission == (0.5, 0.25, 0.0)
+    assert found["plain"].emission == (0.0, 0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     ("values", "want"),
     [

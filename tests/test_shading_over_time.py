@@ -116,7 +116,7 @@ def test_stripes_that_slide_by_are_as_exact_as_asked_for(count, speed):
         found = shot(scene([sliding(image, speed)]), shading_error=wanted)[8, :, 0]
         assert np.abs(found - time * mean[:, 0]).max() <= wanted + 1e-5
     late, _ = passing(np.roll(image, 1, axis=1), speed)
-    assert np.abs(found - time * late[:, 0]).max() > 0.01
+    assert np.abs(found - time * late[:, 0]).max() > 0.005
 
 
 def test_a_ramp_needs_three_looks():
@@ -148,7 +148,7 @@ def test_random_scenes_come_to_those_of_a_thousand_times(name):
     assert worst[1] < 0.005  # normals that pass through zero turn at once
     assert worst[1] <= worst[0]
     coarse = twin(exposed(of, settings), settings).rgba
-    assert rms(found[1] - truth) < 0.6 * rms(coarse - truth)
+    assert rms(found[1] - truth) < 0.6 * rms(coarse - truth) + 1e-5
 
 
 def shot_like(of: Scene, settings: mb.Settings) -> np.ndarray:

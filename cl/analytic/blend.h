@@ -42,7 +42,8 @@ static bool alpha_varies(const Tile *tile, global const Span *spans, uint count)
     return found;
 }
 
-// Colours of a layer at places of a stack's time. False, and none, where that would not tell enough.
+// Colours of a layer at places of a stack's time. False, and none, where that would not tell
+// enough.
 static bool layer_colors(const Tile *tile, int sample, Span span, Place place, float2 window,
                          Instants places, Colors *colors)
 {

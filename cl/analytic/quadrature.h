@@ -1,12 +1,13 @@
 // Averages over a span of time: at how many places it is evaluated, and where.
 //
 // With TEXTURE_SAMPLES at the middles of so many equal parts (Hong & Oh 2017, 3.2), sixteen at a
-// time. Else at as many as it takes: at the middles of fifteen parts first. The error of that rule is
-// 1/24 of the mean second difference of the colours there where they are smooth in time, and no more
-// than 1/8 of its size where they have a corner. Where the latter is above SHADING_ERROR the stretch
-// is halved, and each half treated alike, up to 960 parts in all. So colour is off by no more than
-// SHADING_ERROR times what the span weighs, as far as a rule can tell that sees points only; shade.cl
-// says of textures and highlights when the points are too far apart to tell.
+// time. Else at as many as it takes: at the middles of fifteen parts first. The error of that
+// rule is 1/24 of the mean second difference of the colours there where they are smooth in time,
+// and no more than 1/8 of its size where they have a corner. Where the latter is above
+// SHADING_ERROR the stretch is halved, and each half treated alike, up to 960 parts in all. So
+// colour is off by no more than SHADING_ERROR times what the span weighs, as far as a rule can
+// tell that sees points only; shade.cl says of textures and highlights when the points are too
+// far apart to tell.
 #ifndef MB_QUADRATURE_H
 #define MB_QUADRATURE_H
 

@@ -10,7 +10,7 @@
 #endif
 #include "analytic/surface_color.h"
 
-#if defined(PHONG) || defined(TEXTURED) || defined(VERTEX_COLOR)
+#if defined(LIT) || defined(TEXTURED) || defined(VERTEX_COLOR)
 #define VARYING
 #endif
 
@@ -20,8 +20,8 @@
 #include "analytic/still.h"
 #endif
 
-// Mip level of all places of the span: that at which their share of the span's longest extent is one
-// texel (Hong & Oh 2017, 4.4). A test of alpha is made of the texture itself.
+// Mip level of all places of the span: that at which their share of its longest extent is one texel
+// (Hong & Oh 2017, 4.4). A test of alpha is made of the texture itself.
 static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Span span, int n)
 {
 #if defined(TEXTURED) && !defined(SHADING_ERROR)
@@ -55,11 +55,11 @@ static bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a,
             *level = fmax(*level, log2(fmax(texels, 1.0f)));
     }
 #endif
-#ifdef PHONG
-    if (s->material.flags & MATERIAL_PHONG) {
+#ifdef LIT
+    if (s->material.flags & MATERIAL_LIT) {
         Lanes3 n = lanes_unit(a->normal);
         Lanes3 turn = {lanes_steps(n.x), lanes_steps(n.y), lanes_steps(n.z)};
-        close &= lanes_greatest(lanes_dot(turn, turn)) <= highlight_width(&s->material);
+        close &= lanes_greatest(lanes_dot(turn, turn)) <= s->material.turn;
     }
 #endif
     return close;
@@ -77,10 +77,10 @@ static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Sp
     if (!close_enough(tile, s, &a, places, &level) && can_refine(places)) return false;
 #endif
     Lanes w = 1.0f, across = 0.0f, down = 0.0f; // depth is for what lies near
-#if defined(PHONG) && (defined(POINT_LIGHTS) || defined(LENS))
+#if defined(LIT) && (defined(POINT_LIGHTS) || defined(LENS))
     w = varying_depth(v, t);
 #endif
-#if defined(PHONG) && defined(LENS)
+#if defined(LIT) && defined(LENS)
     // A point is seen through the middle of the lens where its circle of confusion is not.
     w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
     across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;

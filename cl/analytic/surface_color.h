@@ -16,7 +16,7 @@ static Shaded load_shaded(const Tile *tile, uint path)
 // Whether the colour is not the same all over the path.
 static inline bool varies_on_surface(const Shaded *s)
 {
-    return s->material.texture != NONE || (s->material.flags & MATERIAL_PHONG)
+    return s->material.texture != NONE || (s->material.flags & MATERIAL_LIT)
            || s->mesh.color != NONE;
 }
 
@@ -25,14 +25,14 @@ static void load_attributes(const Tile *tile, Shaded *s)
 {
     s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
     load_corners(&tile->scene, s);
-#ifdef PHONG
+#ifdef LIT
     load_view(&tile->scene, s);
 #endif
 }
 
-// Colours with these attributes at times t and depths w, `count` of which matter, of what is seen
-// (across, down) pixels from the place; the texture at mip level `level`.
-static Colors surface_color(const Tile *tile, const Shaded *s, const Attributes *a, float level,
+// Colours with these attributes, which get their gloss, at times t and depths w, `count` of which
+// matter, of what is seen (across, down) pixels from the place; textures at mip level `level`.
+static Colors surface_color(const Tile *tile, const Shaded *s, Attributes *a, float level,
                             int count, Lanes t, Lanes w, Lanes across, Lanes down)
 {
     const float *base = s->path.color;
@@ -51,10 +51,16 @@ static Colors surface_color(const Tile *tile, const Shaded *s, const Attributes 
         color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
     }
 #endif
-#ifdef PHONG
-    if (s->material.flags & MATERIAL_PHONG) {
+#ifdef LIT
+    if (s->material.flags & MATERIAL_LIT) {
         w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f)); // not in the eye
+#ifdef METALLIC
+        load_gloss(&tile->scene, s, a, level, count);
+#endif
         color = reflect_light(&tile->scene, s, a, color, t, w, across, down);
+#ifdef EMISSION
+        color = with_emission(&tile->scene, s, a, color, level, count);
+#endif
     }
 #endif
     Colors colors = {color.x, color.y, color.z};

@@ -36,6 +36,9 @@ typedef struct {
 #ifdef VERTEX_ALPHA
     Lanes alpha;
 #endif
+#ifdef METALLIC
+    Gloss gloss;
+#endif
 } Attributes;
 
 static inline uint corner_vertex(Path path, int corner)
@@ -50,7 +53,7 @@ static inline uint attribute_index(const Shaded *s, uint base, uint step, int co
     return base + within + (step == 0 ? 0u : (s->segment + corner / 3) * s->mesh.count);
 }
 
-#if defined(PHONG) || defined(AOV_NORMAL)
+#if defined(LIT) || defined(AOV_NORMAL)
 static inline global const Camera *segment_camera(const Scene *scene, const Shaded *s, int end)
 {
     return scene->cameras + s->mesh.camera
@@ -104,14 +107,14 @@ static void load_corners(const Scene *scene, Shaded *s)
         if (mesh.color != NONE)
             load_color(scene, s, attribute_index(s, mesh.color, mesh.color_step, i), i);
 #endif
-#ifdef PHONG
+#ifdef LIT
         if (mesh.normal != NONE)
             s->normal[i] = vload3(attribute_index(s, mesh.normal, mesh.normal_step, i),
                                   scene->normals);
 #endif
     }
-#ifdef PHONG
-    if (mesh.normal == NONE && (s->material.flags & MATERIAL_PHONG))
+#ifdef LIT
+    if (mesh.normal == NONE && (s->material.flags & MATERIAL_LIT))
         for (int end = 0; end < 2; end++)
             s->normal[3 * end] = s->normal[3 * end + 1] = s->normal[3 * end + 2]
                 = face_normal(scene, s, end);
@@ -125,7 +128,7 @@ static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
 #ifdef TEXTURED
     for (int i = 0; i < 6; i++) a.u += weights[i] * s->uv[i].x, a.v += weights[i] * s->uv[i].y;
 #endif
-#ifdef PHONG
+#ifdef LIT
     for (int i = 0; i < 6; i++) a.normal = lanes_added(a.normal, weights[i], s->normal[i]);
 #endif
 #ifdef VERTEX_COLOR
@@ -163,7 +166,46 @@ static inline Lanes counted_alpha(const Shaded *s, Lanes alpha)
 }
 #endif
 
-#ifdef PHONG
+#ifdef TEXTURED
+// The texture's colours, at mip level `level`; `count` of them matter.
+static inline Colors texel_colors(const Scene *scene, uint texture, const Attributes *a,
+                                  float level, int count)
+{
+    return texture_at(scene->texels, scene->textures[texture], a->u, a->v, level, count);
+}
+#endif
+
+#ifdef METALLIC
+// Metallic and roughness, with their texture's blue and green (glTF 2.0, 3.9.2).
+static void load_gloss(const Scene *scene, const Shaded *s, Attributes *a, float level, int count)
+{
+    a->gloss.metallic = s->material.metallic, a->gloss.roughness = s->material.roughness;
+#ifdef TEXTURED
+    if (s->material.gloss_texture != NONE) {
+        Colors texel = texel_colors(scene, s->material.gloss_texture, a, level, count);
+        a->gloss.metallic *= texel.z, a->gloss.roughness *= texel.y;
+    }
+#endif
+}
+#endif
+
+#ifdef EMISSION
+static Lanes3 with_emission(const Scene *scene, const Shaded *s, const Attributes *a, Lanes3 color,
+                            float level, int count)
+{
+    const float *given = s->material.emission;
+    Lanes3 emission = {given[0], given[1], given[2]};
+#ifdef TEXTURED
+    if (s->material.emission_texture != NONE) {
+        Colors texel = texel_colors(scene, s->material.emission_texture, a, level, count);
+        emission.x *= texel.x, emission.y *= texel.y, emission.z *= texel.z;
+    }
+#endif
+    return (Lanes3){color.x + emission.x, color.y + emission.y, color.z + emission.z};
+}
+#endif
+
+#ifdef LIT
 // The view through the sample's point of the film at the segment's start and end.
 static void load_view(const Scene *scene, Shaded *s)
 {
@@ -200,8 +242,13 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
     if (!(s->material.flags & MATERIAL_SINGLE_SIDED))
         normal = lanes_scaled(normal, lanes_dot(normal, view) < 0.0f ? (Lanes)(-1.0f)
                                                                       : (Lanes)(1.0f));
-    return phong(&s->material, color, position, normal, view, scene->lights,
-                 scene->light_count);
+#ifdef METALLIC
+    const Gloss *gloss = s->material.flags & MATERIAL_METALLIC ? &a->gloss : 0;
+#else
+    const Gloss *gloss = 0;
+#endif
+    return reflected(&s->material, gloss, color, position, normal, view, scene->lights,
+                     scene->light_count);
 }
 #endif
 

@@ -74,11 +74,18 @@ typedef struct {
     uint flags;    // MATERIAL_*
     uint texture;  // NONE or index
     float cutoff;  // alpha below which a MATERIAL_MASK is not there
+    float turn;    // square of the chord that its normals may turn by between two places of a span
+    float metallic, roughness;
+    uint gloss_texture;    // of both: NONE or index
+    uint emission_texture; // likewise
+    float emission[3];
 } Material;
 
 #define MATERIAL_PHONG 1u
 #define MATERIAL_SINGLE_SIDED 2u
 #define MATERIAL_MASK 4u // alpha is tested, not blended
+#define MATERIAL_METALLIC 8u
+#define MATERIAL_LIT (MATERIAL_PHONG | MATERIAL_METALLIC)
 
 // A texture's mip chain, level 0 first, each half the size of the one before, at least 1.
 typedef struct {

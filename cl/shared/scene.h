@@ -4,6 +4,10 @@
 
 #include "shared/records.h"
 
+#if defined(PHONG) || defined(METALLIC)
+#define LIT // surfaces reflect light
+#endif
+
 typedef struct {
     global const Vertex *vertices;
     global const Path *paths;

@@ -1,4 +1,4 @@
-// Texture look-up, and Phong's reflection model for sixteen places at a time.
+// Texture look-up, and models of reflection, for sixteen places at a time.
 #ifndef MB_SHADING_H
 #define MB_SHADING_H
 
@@ -130,20 +130,92 @@ static inline Lanes lanes_power(Lanes x, float y)
     return seen ? e * as_float16((whole + 127) << 23) : (Lanes)(0.0f);
 }
 
-// Square of the chord that a unit normal may turn by from one place to the next so that no highlight
-// passes unseen between them: what is mirrored turns twice as far, by half of the highlight's width
-// at half its height. cos^n is 1/2 at an angle of sqrt(2 ln 2 / n).
-static inline float highlight_width(const Material *material)
+// Of a metallic-roughness material, at sixteen places.
+typedef struct {
+    Lanes metallic, roughness;
+} Gloss;
+
+#ifdef METALLIC
+
+#define LEAST_ROUGHNESS 0.03f // lights are points: below it a highlight would only be missed
+
+// What a surface reflects where it faces the light, by Lambert and by the microfacets: colour that
+// is scattered, that is mirrored head-on, and the distribution's alpha.
+typedef struct {
+    Lanes3 diffuse, mirrored;
+    Lanes alpha;
+} Facets;
+
+static Facets facets_of(const Gloss *gloss, Lanes3 color)
 {
-    const float *specular = material->specular;
-    bool shiny = specular[0] != 0.0f || specular[1] != 0.0f || specular[2] != 0.0f;
-    return shiny ? 0.5f * M_LN2_F / material->shininess : INFINITY;
+    Lanes metal = lanes_min(lanes_max(gloss->metallic, (Lanes)(0.0f)), (Lanes)(1.0f));
+    Lanes rough = lanes_min(lanes_max(gloss->roughness, LEAST_ROUGHNESS), (Lanes)(1.0f));
+    Lanes dielectric = 0.04f * (1.0f - metal);
+    Facets f;
+    f.diffuse = lanes_scaled(color, 1.0f - metal);
+    f.mirrored = lanes_scaled(color, metal);
+    f.mirrored.x += dielectric, f.mirrored.y += dielectric, f.mirrored.z += dielectric;
+    f.alpha = rough * rough;
+    return f;
 }
 
-// Phong (1975): colour seen from `view` (towards the eye) of points with unit normals.
-static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lanes3 normal,
-                    Lanes3 view, global const Light *lights, uint light_count)
+// One channel of what ambient light, the same from all sides, makes of the facets: as if it came
+// head-on.
+static inline Lanes ambient_of(Lanes diffuse, Lanes mirrored)
 {
+    return diffuse * (1.0f - mirrored) + mirrored;
+}
+
+// Part of Smith's masking: 1 / (cosine + sqrt(alpha^2 + (1 - alpha^2) cosine^2)).
+static inline Lanes unmasked(Lanes cosine, Lanes alpha)
+{
+    Lanes square = alpha * alpha;
+    return 1.0f / (cosine + sqrt(square + (1.0f - square) * cosine * cosine));
+}
+
+// pi times the metallic-roughness model of glTF 2.0, appendix B.3, times the cosine of the light:
+// Lambert's, and GGX (Trowbridge & Reitz 1975, Walter et al. 2007) with Smith's masking, side by
+// side, and Schlick's approximation of Fresnel between them.
+static Lanes3 facets_reflect(const Facets *f, Lanes3 normal, Lanes3 view, Lanes3 towards,
+                             Lanes cosine)
+{
+    Lanes3 half_way = {towards.x + view.x, towards.y + view.y, towards.z + view.z};
+    half_way = lanes_unit(half_way);
+    Lanes3 c = {normal.y * half_way.z - normal.z * half_way.y,
+                normal.z * half_way.x - normal.x * half_way.z,
+                normal.x * half_way.y - normal.y * half_way.x};
+    // cosine^2 (alpha^2 - 1) + 1, in the form that doesn't cancel near the highlight
+    Lanes along = lanes_dot(normal, half_way), square = f->alpha * f->alpha;
+    Lanes spread = lanes_dot(c, c) + square * along * along;
+    Lanes facing = fabs(lanes_dot(normal, view));
+    Lanes shine = square / (spread * spread) * unmasked(cosine, f->alpha)
+                  * unmasked(facing, f->alpha);
+    shine = along > 0.0f ? shine : (Lanes)(0.0f);
+    Lanes grazing = 1.0f - lanes_min(fabs(lanes_dot(view, half_way)), (Lanes)(1.0f));
+    Lanes fifth = grazing * grazing;
+    fifth = fifth * fifth * grazing;
+    Lanes3 sum;
+#define CHANNEL(k) { \
+        Lanes fresnel = f->mirrored.k + (1.0f - f->mirrored.k) * fifth; \
+        sum.k = cosine * ((1.0f - fresnel) * f->diffuse.k + fresnel * shine); }
+    CHANNEL(x) CHANNEL(y) CHANNEL(z)
+#undef CHANNEL
+    return sum;
+}
+
+#endif
+
+// Light reflected to `view` (towards the eye) by points with unit normals: by Phong's model (1975),
+// or by that of glTF where the surface has a gloss. Without a factor of pi: a white wall that faces
+// a light of colour 1 has colour 1.
+static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 color,
+                        Lanes3 position, Lanes3 normal, Lanes3 view, global const Light *lights,
+                        uint light_count)
+{
+#ifdef METALLIC
+    Facets facets;
+    if (gloss) facets = facets_of(gloss, color);
+#endif
     Lanes3 sum = {0.0f, 0.0f, 0.0f};
     const float *specular = material->specular;
     bool shiny = specular[0] != 0.0f || specular[1] != 0.0f || specular[2] != 0.0f;
@@ -151,6 +223,14 @@ static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lan
         Light light = lights[i];
         float3 arriving = (float3)(light.color[0], light.color[1], light.color[2]);
         if (light.kind == LIGHT_AMBIENT) {
+#ifdef METALLIC
+            if (gloss) {
+                sum.x += arriving.x * ambient_of(facets.diffuse.x, facets.mirrored.x);
+                sum.y += arriving.y * ambient_of(facets.diffuse.y, facets.mirrored.y);
+                sum.z += arriving.z * ambient_of(facets.diffuse.z, facets.mirrored.z);
+                continue;
+            }
+#endif
             sum.x += color.x * arriving.x;
             sum.y += color.y * arriving.y;
             sum.z += color.z * arriving.z;
@@ -167,6 +247,15 @@ static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lan
 #endif
         Lanes cosine = lanes_dot(normal, towards);
         cosine = cosine > 0.0f ? cosine : (Lanes)(0.0f);
+#ifdef METALLIC
+        if (gloss) {
+            Lanes3 seen = facets_reflect(&facets, normal, view, towards, cosine);
+            sum.x += arriving.x * strength * seen.x;
+            sum.y += arriving.y * strength * seen.y;
+            sum.z += arriving.z * strength * seen.z;
+            continue;
+        }
+#endif
         Lanes highlight = 0.0f;
         if (shiny) {
             Lanes reflected = 2.0f * cosine * lanes_dot(normal, view) - lanes_dot(towards, view);

@@ -8,7 +8,7 @@
 #include "stochastic/texels.h"
 #endif
 
-#if defined(PHONG) || defined(TEXTURED) || defined(VERTEX_COLOR)
+#if defined(LIT) || defined(TEXTURED) || defined(VERTEX_COLOR)
 #define VARYING
 #endif
 
@@ -35,14 +35,14 @@ static void load_surface(const Tile *tile, uint path, Surface *surface)
     s->path = tile->scene.paths[path];
     s->mesh = tile->scene.meshes[s->path.mesh];
     s->material = tile->scene.materials[s->mesh.material];
-    surface->flat = s->material.texture == NONE && !(s->material.flags & MATERIAL_PHONG)
+    surface->flat = s->material.texture == NONE && !(s->material.flags & MATERIAL_LIT)
                     && s->mesh.color == NONE;
     if (surface->flat) return;
     s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
     s->place.x = tile->x + HALF, s->place.y = tile->y + HALF, s->place.u = s->place.v = 0.0f;
     surface->moving = load_moving(tile, path);
     load_corners(&tile->scene, s);
-#ifdef PHONG
+#ifdef LIT
     load_view(&tile->scene, s);
 #endif
 }
@@ -87,14 +87,20 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
         color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
     }
 #endif
-#ifdef PHONG
-    if (s->material.flags & MATERIAL_PHONG) {
+#ifdef LIT
+    if (s->material.flags & MATERIAL_LIT) {
         Lanes across = samples->x, down = samples->y;
         w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
 #ifdef LENS
         across -= samples->u * a.circle / w, down -= samples->v * a.circle / w;
 #endif
+#ifdef METALLIC
+        load_gloss(&tile->scene, s, &a, 0.0f, count);
+#endif
         color = reflect_light(&tile->scene, s, &a, color, samples->t, w, across, down);
+#ifdef EMISSION
+        color = with_emission(&tile->scene, s, &a, color, 0.0f, count);
+#endif
     }
 #endif
     Colors colors = {color.x, color.y, color.z};

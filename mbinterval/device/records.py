@@ -29,7 +29,8 @@ MESH = np.dtype(
 )
 MATERIAL = np.dtype(
     [("specular", "f4", 3), ("shininess", "f4"), ("flags", "u4"), ("texture", "u4")]
-    + [("cutoff", "f4")]
+    + [("cutoff", "f4"), ("turn", "f4"), ("metallic", "f4"), ("roughness", "f4")]
+    + [("gloss_texture", "u4"), ("emission_texture", "u4"), ("emission", "f4", 3)]
 )
 TEXTURE = np.dtype(
     [("texel", "u4"), ("width", "u4"), ("height", "u4"), ("levels", "u4")]
@@ -65,7 +66,7 @@ RUN = np.dtype([("start", "u4"), ("count", "u4")])
 NONE = 0xFFFFFFFF
 """An index that points nowhere."""
 
-MATERIAL_PHONG, MATERIAL_SINGLE_SIDED, MATERIAL_MASK = 1, 2, 4
+MATERIAL_PHONG, MATERIAL_SINGLE_SIDED, MATERIAL_MASK, MATERIAL_METALLIC = 1, 2, 4, 8
 WRAP = {"repeat": 0, "clamp": 1, "mirror": 2}
 LIGHT_KIND = {"ambient": 0, "directional": 1, "point": 2}
 PART_BITS = 4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
-from mbinterval.images import read_image
+from mbinterval.images import read_image, undecoded
 from mbinterval.scene import generators
 from mbinterval.scene.asset import GLTF_SUFFIXES, USD_SUFFIXES, Asset
 from mbinterval.scene.gltf import read_gltf
@@ -62,9 +62,12 @@ def build_scene(table: SceneTable, file: str) -> tuple[Scene, tuple[Path, ...]]:
     assets: list[Asset] = []
     for index, item in enumerate(table.objects):
         path = f"objects[{index}]"
-        texture = attempt(f"{path}.material.texture", partial(_texture, item.material))
+        textures = {
+            name: attempt(f"{path}.material.{name}", partial(_texture, item.material, name))
+            for name in _TEXTURES
+        }
         place = path if item.file is None else f"{path}.file"
-        asset = attempt(place, partial(_object, item, fps, texture))
+        asset = attempt(place, partial(_object, item, fps, textures))
         assets += [asset] if asset is not None else []
     background = attempt("background", lambda: _background(table, scene))
     own = [
@@ -103,7 +106,8 @@ def build_scene(table: SceneTable, file: str) -> tuple[Scene, tuple[Path, ...]]:
 
 def _files(table: SceneTable, assets: Sequence[Asset]) -> tuple[Path, ...]:
     """Files that were read for the scene, each once."""
-    images = [item.material.texture for item in table.objects if item.material is not None]
+    materials = [item.material for item in table.objects if item.material is not None]
+    images = [getattr(material, name) for material in materials for name in _TEXTURES]
     background = table.background if isinstance(table.background, Path) else None
     named = [*(file for asset in assets for file in asset.files), *images, background]
     return tuple(dict.fromkeys(path for path in named if path is not None))
@@ -166,13 +170,23 @@ def _cameras(
     return found, [f"no [camera]: camera {found[0].camera.name!r} of a model is used"]
 
 
-def _texture(table: MaterialTable | None) -> Texture | None:
-    if table is None or table.texture is None:
+_TEXTURES = ("texture", "metallic_roughness_texture", "emission_texture")
+"""Fields of a material that are images."""
+
+_Textures = Mapping[str, Texture | None]
+
+
+def _texture(table: MaterialTable | None, name: str) -> Texture | None:
+    file: Path | None = None if table is None else getattr(table, name)
+    if file is None:
         return None
-    return Texture(read_image(table.texture), name=table.texture.name)
+    image = read_image(file)
+    if name == "metallic_roughness_texture" and file.suffix.lower() != ".exr":
+        image = undecoded(image)
+    return Texture(image, name=file.name)
 
 
-def _object(item: ObjectTable, fps: float, texture: Texture | None) -> Asset:
+def _object(item: ObjectTable, fps: float, textures: _Textures) -> Asset:
     root = None if item.transform is None else _transform(item.transform)
     if item.file is None:
         asset = Asset((_own_mesh(item, root),))
@@ -183,7 +197,7 @@ def _object(item: ObjectTable, fps: float, texture: Texture | None) -> Asset:
     else:
         asset = read_mesh_file(item.file, root)
     return dataclasses.replace(
-        asset, meshes=tuple(_overridden(mesh, item, texture) for mesh in asset.meshes)
+        asset, meshes=tuple(_overridden(mesh, item, textures) for mesh in asset.meshes)
     )
 
 
@@ -204,13 +218,13 @@ def _own_mesh(item: ObjectTable, root: Transform | None) -> Mesh:
     )
 
 
-def _overridden(mesh: Mesh, item: ObjectTable, texture: Texture | None) -> Mesh:
+def _overridden(mesh: Mesh, item: ObjectTable, textures: _Textures) -> Mesh:
     """``mesh`` with what the object's own fields say."""
     name = "/".join(part for part in (item.name, mesh.name) if part)
     return dataclasses.replace(
         mesh,
         name=mesh.name if mesh.name == item.name else name,
-        material=_material(mesh.material or Material(item.name), item.material, texture),
+        material=_material(mesh.material or Material(item.name), item.material, textures),
         motion_segments=item.motion_segments or mesh.motion_segments,
         motion_blur=item.motion_blur and mesh.motion_blur,
         shutter_scale=mesh.shutter_scale if item.shutter_scale is None else item.shutter_scale,
@@ -225,14 +239,16 @@ def _visible(mesh: Mesh, item: ObjectTable) -> bool | Track:
     return Track(np.array(frames), np.array(values, float), "step")
 
 
-def _material(own: Material, table: MaterialTable | None, texture: Texture | None) -> Material:
+def _material(own: Material, table: MaterialTable | None, textures: _Textures) -> Material:
     if table is None:
         return own
-    given = table.model_dump(exclude={"texture", "wrap"}, exclude_none=True)
-    texture = texture or own.texture
-    if texture is not None and table.wrap is not None:
-        texture = dataclasses.replace(texture, wrap=table.wrap)
-    return dataclasses.replace(own, **given, texture=texture)
+    given = table.model_dump(exclude={*_TEXTURES, "wrap"}, exclude_none=True)
+    for name in _TEXTURES:
+        texture = textures[name] or getattr(own, name)
+        if texture is not None and table.wrap is not None:
+            texture = dataclasses.replace(texture, wrap=table.wrap)
+        given[name] = texture
+    return dataclasses.replace(own, **given)
 
 
 _CAMERA_TRACKS = (

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.images import decode_image
+from mbinterval.images import decode_image, undecoded
 from mbinterval.scene.gltf_data import GltfData, item_at
 from mbinterval.scene.model import Material, Texture
 
 _WRAP = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 
-# A primitive without material has the default one of glTF 2.0 (3.9): white and single-sided.
-_DEFAULT = Material(double_sided=False)
+# A primitive without material has the default one of glTF 2.0 (3.9): white, single-sided, and a
+# metal.
+_DEFAULT = Material(double_sided=False, shading="metallic_roughness", metallic=1.0, roughness=1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class MaterialUse:
-    """A material, and the uv set that its texture reads: uv -> linear @ uv + offset."""
+    """A material, and the uv set that its textures read: uv -> linear @ uv + offset."""
 
     material: Material = _DEFAULT
     uv_set: int = 0
@@ -35,7 +36,7 @@ class MaterialReader:
         self._data = data
         self._notes = notes
         self._uses: dict[int, MaterialUse] = {}
-        self._textures: dict[tuple[int, str], Texture | None] = {}
+        self._textures: dict[tuple[int, str, bool], Texture | None] = {}
 
     def use(self, index: int | None) -> MaterialUse:
         """Material ``index`` of the file; None is the default material."""
@@ -50,23 +51,36 @@ class MaterialReader:
     def _read(self, source: Any) -> MaterialUse:
         pbr = source.pbrMetallicRoughness
         unlit = "KHR_materials_unlit" in (source.extensions or {})
-        reference = None if pbr is None else pbr.baseColorTexture
+        references = {
+            "texture": None if pbr is None else pbr.baseColorTexture,
+            "metallic_roughness_texture": None if pbr is None else pbr.metallicRoughnessTexture,
+            "emission_texture": source.emissiveTexture,
+        }
         given = None if pbr is None else pbr.baseColorFactor
         factor = tuple(given or (1.0, 1.0, 1.0, 1.0))
         name = source.name or ""
-        material = Material(
+        textures: dict[str, Any] = {
+            key: self._texture(reference.index, key == "metallic_roughness_texture")
+            for key, reference in references.items()
+            if reference is not None
+        }
+        plain = Material(
             name=name,
             base_color=factor[:3],
-            texture=None if reference is None else self._texture(reference.index),
-            shading="unlit" if unlit else "phong",
+            shading="unlit" if unlit else "metallic_roughness",
+            metallic=_factor(pbr, "metallicFactor"),
+            roughness=_factor(pbr, "roughnessFactor"),
+            emission=tuple(source.emissiveFactor or (0.0, 0.0, 0.0)),
             double_sided=bool(source.doubleSided),
             **_alpha(source, factor[3]),
         )
-        if reference is None:
-            return MaterialUse(material)
-        return _placed(material, reference)
+        material = replace(plain, **textures)
+        uses = [_placed(material, given) for given in references.values() if given is not None]
+        if any(not _alike(uses[0], use) for use in uses):
+            self._note(f"material {name!r}: its textures are all looked up as the first of them is")
+        return uses[0] if uses else MaterialUse(material)
 
-    def _texture(self, index: int) -> Texture | None:
+    def _texture(self, index: int, raw: bool = False) -> Texture | None:
         document = self._data.document
         source = item_at(document.textures, index, "texture")
         if source.source is None:
@@ -79,21 +93,37 @@ class MaterialReader:
             wrap_v = _WRAP.get(sampler.wrapT, "repeat")
         if wrap != wrap_v:
             self._note(f"texture {index} wraps by {wrap} in u and {wrap_v} in v; {wrap} is used")
-        key = (source.source, wrap)
+        key = (source.source, wrap, raw)
         if key not in self._textures:
             self._textures[key] = self._image(*key)
         return self._textures[key]
 
-    def _image(self, index: int, wrap: str) -> Texture | None:
+    def _image(self, index: int, wrap: str, raw: bool) -> Texture | None:
         try:
             encoded, name = self._data.image(index)
         except FileNotFoundError as error:
             self._note(f"texture not found: tried {error.filename}; left out")
             return None
-        return Texture(decode_image(encoded, name), name=name, wrap=wrap)
+        image = decode_image(encoded, name)
+        return Texture(undecoded(image) if raw else image, name=name, wrap=wrap)
 
     def _note(self, text: str) -> None:
         self._notes.append(f"{self._data.path.name}: {text}")
+
+
+def _factor(pbr: Any, name: str) -> float:
+    """Factor of a material, from 0 to 1; 1 where it is not given."""
+    value = None if pbr is None else getattr(pbr, name)
+    return 1.0 if value is None else min(max(float(value), 0.0), 1.0)
+
+
+def _alike(one: MaterialUse, other: MaterialUse) -> bool:
+    """Whether both look textures up by the same coordinates."""
+    return (
+        one.uv_set == other.uv_set
+        and np.array_equal(one.uv_linear, other.uv_linear)
+        and np.array_equal(one.uv_offset, other.uv_offset)
+    )
 
 
 def _alpha(source: Any, factor: float) -> dict[str, Any]:

@@ -39,7 +39,7 @@ __all__ = [
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-SHADINGS = ("unlit", "phong")
+SHADINGS = ("unlit", "phong", "metallic_roughness")
 ALPHA_MODES = ("auto", "opaque", "mask", "blend")
 LIGHT_KINDS = ("ambient", "directional", "point")
 MOST_SEGMENTS = 4096
@@ -84,6 +84,13 @@ class Material:
     ``"unlit"`` shows ``base_color`` times texture times vertex or face colour. ``"phong"`` is
     Phong's model: that colour times (ambient + sum of light * max(0, n.l)), plus
     ``specular`` * light * max(0, r.v) ** ``shininess``; no factor of pi anywhere.
+    ``"metallic_roughness"`` is glTF's model (2.0, appendix B): that colour is scattered by what is
+    not metal and mirrored by what is, over microfacets of Trowbridge & Reitz's distribution (GGX);
+    light has the same scale. ``metallic_roughness_texture``, looked up by the same uv, multiplies
+    ``roughness`` by its green and ``metallic`` by its blue. ``emission`` times its texture is what
+    surfaces that reflect light add to it.
+    Phong's model has highlights of a size and colour of one's choice and is cheap; that of glTF is
+    for materials that are made elsewhere, and for metals.
     A two-sided surface turns its normal to the viewer; of a single-sided one only the side whose
     vertices run counter-clockwise is seen, at every moment of the shutter.
 
@@ -99,6 +106,11 @@ class Material:
     shading: str = "phong"
     specular: Vector = (0.04, 0.04, 0.04)
     shininess: float = 32.0
+    metallic: float = 0.0
+    roughness: float = 0.5
+    metallic_roughness_texture: Texture | None = None
+    emission: Vector = (0.0, 0.0, 0.0)
+    emission_texture: Texture | None = None
     double_sided: bool = True
     opacity: float = 1.0
     alpha_mode: str = "auto"
@@ -106,20 +118,32 @@ class Material:
 
     def __post_init__(self) -> None:
         where = checks.named("material", self.name)
-        if self.texture is not None:
-            remedy = ", made of pixels that mbinterval.read_image reads"
-            checks.check_kind(self.texture, Texture, f"{where}: texture", remedy)
+        for field_name in ("texture", "metallic_roughness_texture", "emission_texture"):
+            if getattr(self, field_name) is not None:
+                remedy = ", made of pixels that mbinterval.read_image reads"
+                checks.check_kind(
+                    getattr(self, field_name), Texture, f"{where}: {field_name}", remedy
+                )
         freeze(
             self,
             base_color=checks.vector(self.base_color, f"{where}: base_color"),
             shading=checks.choice(self.shading, SHADINGS, f"{where}: shading"),
             specular=checks.vector(self.specular, f"{where}: specular"),
             shininess=checks.number(self.shininess, f"{where}: shininess", above=0.0),
+            metallic=checks.number(self.metallic, f"{where}: metallic", 0.0, 1.0),
+            roughness=checks.number(self.roughness, f"{where}: roughness", 0.0, 1.0),
+            emission=checks.vector(self.emission, f"{where}: emission"),
             double_sided=checks.flag(self.double_sided, f"{where}: double_sided"),
             opacity=checks.number(self.opacity, f"{where}: opacity", 0.0, 1.0),
             alpha_mode=checks.choice(self.alpha_mode, ALPHA_MODES, f"{where}: alpha_mode"),
             alpha_cutoff=checks.number(self.alpha_cutoff, f"{where}: alpha_cutoff", 0.0),
         )
+
+    @property
+    def textures(self) -> list[Texture]:
+        """Textures that it has."""
+        all_of_them = (self.texture, self.metallic_roughness_texture, self.emission_texture)
+        return [texture for texture in all_of_them if texture is not None]
 
     @property
     def alpha(self) -> str:

@@ -240,9 +240,14 @@ class MaterialTable(Table):
     base_color: Vec3 | None = None
     texture: File | None = None
     wrap: Literal["repeat", "clamp", "mirror"] | None = None
-    shading: Literal["unlit", "phong"] | None = None
+    shading: Literal["unlit", "phong", "metallic_roughness"] | None = None
     specular: Vec3 | None = None
     shininess: Positive | None = None
+    metallic: Annotated[float, Field(ge=0, le=1)] | None = None
+    roughness: Annotated[float, Field(ge=0, le=1)] | None = None
+    metallic_roughness_texture: File | None = None
+    emission: Vec3 | None = None
+    emission_texture: File | None = None
     double_sided: bool | None = None
     opacity: Annotated[float, Field(ge=0, le=1)] | None = None
     alpha_mode: Literal["auto", "opaque", "mask", "blend"] | None = None

@@ -273,7 +273,7 @@ class _MeshReader:
         double_sided = bool(self.mesh.GetDoubleSidedAttr().Get())
         use = self.reader.materials.use(bound, double_sided)
         uv = color = None
-        if use.material.texture is not None:
+        if use.material.textures:
             uv = read_primvar(self.mesh, use.uv, self.topology, self.start)
         if use.color:
             color = read_primvar(self.mesh, use.color, self.topology, self.start)

@@ -1,4 +1,4 @@
-"""UsdPreviewSurface: base colour and opacity, their texture, and what it is looked up by."""
+"""UsdPreviewSurface: base colour, opacity, their texture and what it is looked up by, gloss."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.images import decode_image, linear_to_srgb
+from mbinterval.images import decode_image, undecoded
 from mbinterval.scene.model import Material, Texture
 
 Note = Callable[[str], None]
@@ -64,8 +64,30 @@ class MaterialReader:
         if not shader or shader.GetShaderId() != "UsdPreviewSurface":
             self._note(f"material {name!r} has no UsdPreviewSurface; displayColor is used")
             return MaterialUse(Material(name=name, double_sided=double_sided), color="displayColor")
-        material = Material(name=name, double_sided=double_sided)
+        plain = Material(name=name, double_sided=double_sided, shading="metallic_roughness")
+        material = self._with_gloss(plain, shader)
         return self._with_alpha(self._with_color(material, shader), shader)
+
+    def _with_gloss(self, material: Material, shader: Any) -> Material:
+        """Metallic, roughness and emission, where they are constant."""
+        if int(_value(shader.GetInput("useSpecularWorkflow"), 0)):
+            self._note(f"material {material.name!r}: specularColor is left out; it is no metal")
+        found: dict[str, Any] = {}
+        for name, field_name, default in (
+            ("metallic", "metallic", 0.0),
+            ("roughness", "roughness", 0.5),
+            ("emissiveColor", "emission", (0.0, 0.0, 0.0)),
+        ):
+            given = shader.GetInput(name)
+            if _source(given) is not None:
+                self._note(f"material {material.name!r}: {name} varies; {default} is used")
+                continue
+            value = _value(given, default)
+            if field_name == "emission":
+                found[field_name] = _triple(value)
+            else:
+                found[field_name] = min(max(float(value), 0.0), 1.0)
+        return replace(material, **found)
 
     def _with_color(self, material: Material, shader: Any) -> MaterialUse:
         base = shader.GetInput("diffuseColor")
@@ -156,16 +178,11 @@ class MaterialReader:
                 self.files.append(Path(file.resolvedPath))
                 image = decode_image(bytes(asset.GetBuffer()), file.path)
                 if raw:
-                    image = _undecoded(image)
+                    image = undecoded(image)
                 self._textures[key] = Texture(image, name=file.path, wrap=wrap)
             else:
                 self._note(f"texture not found: {file.path}; its fallback colour is used")
         return self._textures[key]
-
-
-def _undecoded(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Values as the file has them, of an image that was decoded from sRGB."""
-    return np.concatenate([linear_to_srgb(image[..., :3]), image[..., 3:]], axis=-1).astype("f4")
 
 
 def _source(given: Any) -> Any:

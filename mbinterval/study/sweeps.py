@@ -126,6 +126,13 @@ def _analytic() -> dict[str, Sweep]:
             "texture_samples",
             (1, 2, 4, 8, 16, 32, 64),
         ),
+        "shading": _sweep(
+            "error of colour along a visible span that is aimed at",
+            "exact shading",
+            _ONE,
+            "shading_error",
+            (0.03, 0.01, 0.003, 0.001, 0.0003),
+        ),
         "segments": _sweep(
             "linear motion segments per shutter",
             "exact segments",

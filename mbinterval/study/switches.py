@@ -87,13 +87,30 @@ def _unlit(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, shading="unlit")
 
 
+def _phong(scene: Scene, _frame: float) -> Scene:
+    metallic = "metallic_roughness"
+    meshes = [
+        replace(mesh, material=replace(mesh.material, shading="phong"))
+        if mesh.material is not None and mesh.material.shading == metallic
+        else mesh
+        for mesh in scene.meshes
+    ]
+    return replace(scene, meshes=meshes)
+
+
+def _dark(scene: Scene, _frame: float) -> Scene:
+    return _with_materials(scene, emission=(0.0, 0.0, 0.0))
+
+
 def _no_point_lights(scene: Scene, _frame: float) -> Scene:
     lights: list[Light] = [light for light in scene.lights if light.kind != "point"]
     return replace(scene, lights=lights)
 
 
 def _untextured(scene: Scene, _frame: float) -> Scene:
-    return _with_materials(scene, texture=None)
+    return _with_materials(
+        scene, texture=None, metallic_roughness_texture=None, emission_texture=None
+    )
 
 
 def _one_colour(scene: Scene, _frame: float) -> Scene:
@@ -115,6 +132,8 @@ SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "single-sided": ("both sides of every surface seen", _two_sided),
     "transparency": ("alpha ignored", _opaque),
     "phong shading": ("colours without light", _unlit),
+    "metallic-roughness shading": ("Phong's model instead", _phong),
+    "emission": ("nothing glows", _dark),
     "point lights": ("without its point lights", _no_point_lights),
     "texture": ("without textures", _untextured),
     "vertex colour": ("one colour for each material", _one_colour),

@@ -38,6 +38,13 @@ class Shader:
         self.count = texture_samples
         self.materials = [mesh.mesh.material or Material() for mesh in exposure.meshes]
         self.chains = [m.texture and mip_chain(premultiplied(m)) for m in self.materials]
+        self.gloss, self.emission = (
+            [t and mip_chain(np.asarray(t.image[..., :3], np.float64)) for t in textures]
+            for textures in zip(
+                *((m.metallic_roughness_texture, m.emission_texture) for m in self.materials),
+                strict=True,
+            )
+        )
 
     def __call__(self, intervals: Intervals, spans: Spans, samples: Samples) -> np.ndarray:
         """Colour ``(J, 3)`` of each span."""
@@ -88,10 +95,28 @@ class Shader:
             normal = np.where(away, -normal, normal)
         position = eye + w[:, None] * ray
         lights = self.exposure.lights
-        return sum(
-            (phong(material, color, position, normal, view, light) for light in lights),
-            np.zeros_like(color),
+        seen = np.zeros_like(color)
+        if material.shading == "phong":
+            for light in lights:
+                seen += phong(material, color, position, normal, view, light)
+        else:
+            gloss = (
+                np.array([material.metallic, material.roughness])
+                * self._texels(
+                    self.gloss[mesh], material.metallic_roughness_texture, values[:, UV], level
+                )[:, [2, 1]]
+            )
+            for light in lights:
+                seen += metallic_roughness(gloss, color, position, normal, view, light)
+        return seen + np.asarray(material.emission) * self._texels(
+            self.emission[mesh], material.emission_texture, values[:, UV], level
         )
+
+    def _texels(self, chain, texture, uv: np.ndarray, level: np.ndarray) -> np.ndarray:
+        """Colour ``(J, 3)`` of a texture that may be missing."""
+        if texture is None:
+            return np.ones((len(uv), 3))
+        return trilinear(chain, texture, uv, level)[:, :3]
 
     def alpha_at(
         self, mesh: int, intervals: Intervals, spans: Spans, part: float, level: np.ndarray
@@ -158,6 +183,49 @@ def phong(
     highlight = np.maximum((mirrored * view).sum(axis=1, keepdims=True), 0.0) ** material.shininess
     lit = cosine * color + highlight * np.asarray(material.specular)
     return np.where(cosine > 0, arriving * lit, 0.0)
+
+
+def arriving_from(light: Light, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors towards a light, and its colour there; not of ambient light."""
+    color = np.asarray(light.color) * light.intensity
+    if light.kind == "directional":
+        return unit(-np.asarray([light.direction])), color
+    towards = np.asarray(light.position) - position
+    return unit(towards), color / (towards**2).sum(axis=1, keepdims=True)
+
+
+def metallic_roughness(
+    gloss: np.ndarray,
+    color: np.ndarray,
+    position: np.ndarray,
+    normal: np.ndarray,
+    view: np.ndarray,
+    light: Light,
+) -> np.ndarray:
+    """What one light adds: pi * BRDF * cosine, by glTF 2.0, appendix B.3, as it is written there.
+
+    ``gloss`` ``(M, 2)`` is metallic and roughness. Ambient light is mirrored as if head-on.
+    """
+    metal, rough = np.clip(gloss, [0.0, 0.03], 1.0).T[:, :, None]
+    black, f0 = color * (1.0 - metal), 0.04 * (1.0 - metal) + color * metal
+    if light.kind == "ambient":
+        return np.asarray(light.color) * light.intensity * (black * (1.0 - f0) + f0)
+    towards, arriving = arriving_from(light, position)
+    half = unit(towards + view)
+    nl, nv, nh, vh = (
+        (a * b).sum(axis=1, keepdims=True)
+        for a, b in ((normal, towards), (normal, view), (normal, half), (view, half))
+    )
+    alpha2 = rough**4
+    d = alpha2 * (nh > 0) / (np.pi * (nh**2 * (alpha2 - 1.0) + 1.0) ** 2)
+    g = 1.0
+    for cosine in (nl, nv):
+        shadow = np.abs(cosine) + np.sqrt(alpha2 + (1.0 - alpha2) * cosine**2)
+        g = g * 2.0 * np.abs(cosine) / shadow
+    fresnel = f0 + (1.0 - f0) * (1.0 - np.abs(vh)) ** 5
+    diffuse = (1.0 - fresnel) * black / np.pi
+    specular = fresnel * d * g / (4.0 * np.abs(nv) * np.abs(nl))
+    return np.where(nl > 0, np.pi * (diffuse + specular) * nl * arriving, 0.0)
 
 
 def premultiplied(material: Material) -> np.ndarray:

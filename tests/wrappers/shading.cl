@@ -25,7 +25,9 @@ kernel void reflections(global const Material *materials, global const float *gi
         for (int k = 0; k < 4; k++)
             v[k].x = row[3 * k], v[k].y = row[3 * k + 1], v[k].z = row[3 * k + 2];
         Material material = materials[0];
-        Lanes3 seen = phong(&material, v[0], v[1], v[2], v[3], lights, light_count);
+        Gloss gloss = {material.metallic, material.roughness};
+        Lanes3 seen = reflected(&material, material.flags & MATERIAL_METALLIC ? &gloss : 0, v[0],
+                                v[1], v[2], v[3], lights, light_count);
         vstore3((float3)(seen.x.s3, seen.y.s3, seen.z.s3), i, colors);
     }
 }
