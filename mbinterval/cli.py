@@ -56,6 +56,7 @@ _SETTING_HELP = {
     "texture_samples": "shading evaluations along each visible span; 'none' takes as many as "
     "--shading-error asks for",
     "shading_error": "greatest error of a visible span's colour, in linear colour",
+    "anisotropy": "most texture look-ups over what a sample stands for in a texture; 0 reads one",
     "motion_segments": "linear motion segments per shutter, for meshes that state none; "
     "'none' chooses them by --motion-error",
     "motion_error": "greatest path error of chosen motion segments, in pixels",

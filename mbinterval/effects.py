@@ -42,6 +42,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
         *_transparency(exposure),
         *_shading(exposure, motion),
         _over_time(motion, settings, moving),
+        _footprint(motion, settings),
         *_film(exposure, settings),
         *_published(settings, moving),
         *_layers(settings),
@@ -158,6 +159,13 @@ def _over_time(motion: Motion, settings: Settings, moving: bool) -> Effect:
     times = f"shading_error={settings.shading_error:g}" if fixed is None else f"{fixed} times"
     why = f"{times} along each span" if varying else "colours are constant"
     return Effect("shading over time", bool(varying and moving), why if moving else "nothing moves")
+
+
+def _footprint(motion: Motion, settings: Settings) -> Effect:
+    textured = any(m.textures for m in motion.materials)
+    asked = textured and settings.anisotropy > 0
+    reason = f"anisotropy={settings.anisotropy}" if textured else "no texture"
+    return Effect("texture footprint", asked, reason)
 
 
 def _film(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:

@@ -113,6 +113,9 @@ def make_plan(
             sizes["MAX_INTERVALS"] = settings.max_intervals
     if active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR"}:
         sizes |= _shading_sizes(settings)
+    if "TEXTURED" in active and settings.anisotropy > 0:
+        sizes["ANISOTROPY"] = settings.anisotropy
+        sizes["SAMPLE_SPACING"] = _float(settings.samples**-0.5)
     if active & {"MOMENTARY", "AOV_SHARP"}:
         sizes["AOV_TIME"] = _float(settings.aov_time)
     sizes |= sampling_sizes(exposure, settings, active)

@@ -29,7 +29,7 @@ PATTERNS: dict[str, tuple[str, ...]] = {
 _BELONGS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("paths", "pairing", "occlusion", "partial_bits"), ("analytic",)),
     **dict.fromkeys(("max_intervals", "tile_size"), ("analytic",)),
-    **dict.fromkeys(("texture_samples", "shading_error"), ("analytic",)),
+    **dict.fromkeys(("texture_samples", "shading_error", "anisotropy"), ("analytic",)),
     **dict.fromkeys(("aovs", "aov_time"), ("analytic",)),
     **dict.fromkeys(("cull", "cull_tile", "test"), ("stochastic", "accumulation")),
     **dict.fromkeys(("shading_rate", "hybrid"), ("stochastic", "accumulation")),
@@ -56,6 +56,7 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
 }
 _RANGES = {
     "samples": (1, 4096),
+    "anisotropy": (0, 16),
     "seed": (0, 2**32 - 1),
     "frameless": (1, 64),
     "slices": (1, 4096),
@@ -122,6 +123,10 @@ class Settings:
         colours bend in time; in linear colour. The error of a pixel is no greater, since its spans
         weigh at most 1 together. Without effect where ``texture_samples`` are given, or paths are
         triangulated.
+    anisotropy
+        Most texture look-ups along the longer side of what a sample stands for in a texture, 1 to
+        16; their mip level is that of the shorter side. 0 leaves this out: what rests is looked up
+        at the finest level, and what moves at that of its motion.
     motion_segments
         Linear motion segments per shutter for each mesh that does not state its own; None gives
         each as many as ``motion_error`` asks for, up to 128.
@@ -175,6 +180,7 @@ class Settings:
     filter_radius: float | None = None
     texture_samples: int | None = None
     shading_error: float = 0.002
+    anisotropy: int = 0
     motion_segments: int | None = None
     motion_error: float = 0.1
     seed: int = 0

@@ -114,6 +114,7 @@ SCENES = {
         lambda: [triangles(8, near=-1.0)], {"samples": 1, "aovs": (*LAYERS, "forward", "backward")}
     ),
     "translucent": Small(seen_through, {"samples": 2, "texture_samples": 18}),
+    "textures over footprints": Small(colorful, {"samples": 1, "anisotropy": 3}, Camera(**LENS)),
     "translucent, adaptive": Small(seen_through, {"samples": 1, "shading_error": 0.02}),
     "translucent, layers": Small(
         seen_through, {"samples": 1, "aovs": LAYERS}, Camera(**LENS), {"shutter": ROLL}

@@ -124,6 +124,7 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
         "filter_radius": 0.5,
         "texture_samples": 3,
         "shading_error": 0.01,
+        "anisotropy": 4,
         "motion_segments": 4,
         "motion_error": 0.25,
         "seed": 5,

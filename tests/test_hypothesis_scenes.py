@@ -40,11 +40,20 @@ POSTER = Material("poster", texture=PICTURE, double_sided=False)
 GLASS = Material("glass", shading="unlit", opacity=0.5)
 SEE_THROUGH = Texture(np.random.default_rng(1).uniform(0, 1, (4, 4, 4)))
 LEAF = Material("leaf", texture=SEE_THROUGH, alpha_mode="blend")
+METAL = Material("metal", shading="metallic_roughness", metallic=1.0, roughness=0.0)
 TRIANGULATED = {"paths": "triangulated", "samples": 2}
 KINDS = {
     "exact": Kind({"samples": 2}),
     "with something at rest": Kind({"samples": 1}, resting=True),
     "textured and lit": Kind({"samples": 2, "texture_samples": 3}, POSTER, resting=True),
+    "textured over footprints": Kind(
+        {"samples": 1, "anisotropy": 3, "shading_error": 0.05}, POSTER, resting=True
+    ),
+    "metal": Kind(
+        {"samples": 1, "shading_error": 0.05},
+        METAL,
+        resting=True,
+    ),
     "glass": Kind({"samples": 2}, GLASS, resting=True),
     "alpha of a texture": Kind({"samples": 1, "texture_samples": 3}, LEAF, camera=LENS),
     "masked": Kind({"occlusion": 32, "partial_bits": True, "samples": 1}),

@@ -23,6 +23,7 @@ WRONG = {
     "filter_radius": [0, -1, 8.1, True, "1", float("nan"), float("inf"), [1.0]],
     "texture_samples": [0, 1025, 1.5, False],
     "motion_segments": [0, 4097, 1.0, True],
+    "anisotropy": [-1, 17, 2.0, True, None],
     "shading_error": [0, -0.1, True, "0.1", None, float("nan")],
     "motion_error": [0, -0.1, True, "0.1", None, float("nan")],
     "seed": [-1, 2**32, 0.0, None],

@@ -36,7 +36,31 @@ static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Spa
 #endif
 }
 
+#ifdef ANISOTROPY
+// The footprint of all places of the span: that in its middle.
+static void load_span_footprint(const Tile *tile, const Shaded *s, const Varying *v, Span span,
+                                Attributes *a)
+{
+    float middle = 0.5f * (span.t0 + span.t1);
+    Attributes there = attributes_at(s, v, (Lanes)(middle));
+    float tau = (middle - s->path.open) / path_length(s->path);
+    load_footprint(&tile->scene, s, tau, (Lanes)(s->place.x), (Lanes)(s->place.y), &there);
+    a->footprint = there.footprint;
+}
+#endif
+
 #ifdef SHADING_ERROR
+// Size of the texels that are looked up, in those of the texture.
+static inline float finest_texel(Texture texture, const Attributes *a)
+{
+#ifdef ANISOTROPY
+    return shorter_side(texture, (float2)(a->footprint.u_right.s0, a->footprint.v_right.s0),
+                        (float2)(a->footprint.u_down.s0, a->footprint.v_down.s0));
+#else
+    return 1.0f;
+#endif
+}
+
 // Whether the places, with these attributes, lie close enough together for the rule to be judged by
 // its values: closer than texels are, and than highlights are wide. Where no more are to be had the
 // level grows with the distance.
@@ -50,7 +74,7 @@ static bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a,
         Lanes across = fabs(lanes_steps(a->u)) * texture.width;
         Lanes down = fabs(lanes_steps(a->v)) * texture.height;
         float texels = lanes_greatest(lanes_max(across, down));
-        close = texels <= SPACING;
+        close = texels <= SPACING * finest_texel(texture, a);
         if (!can_refine(places) && !(s->material.flags & MATERIAL_MASK))
             *level = fmax(*level, log2(fmax(texels, 1.0f)));
     }
@@ -73,6 +97,9 @@ static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Sp
 {
     Lanes t = times_of(span, places);
     Attributes a = attributes_at(s, v, t);
+#ifdef ANISOTROPY
+    if (has_footprint(s)) load_span_footprint(tile, s, v, span, &a);
+#endif
 #ifdef SHADING_ERROR
     if (!close_enough(tile, s, &a, places, &level) && can_refine(places)) return false;
 #endif

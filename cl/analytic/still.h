@@ -69,6 +69,10 @@ static void shade_still(Tile *tile, Still *still)
         across -= vload16(0, still->u) * a.circle / w;
         down -= vload16(0, still->v) * a.circle / w;
 #endif
+#ifdef ANISOTROPY
+        if (has_footprint(&s))
+            load_footprint(&tile->scene, &s, 0.0f, vload16(0, still->x), vload16(0, still->y), &a);
+#endif
         Lanes t = s.path.open;
         color = surface_color(tile, &s, &a, 0.0f, still->count, t, w, across, down);
     }

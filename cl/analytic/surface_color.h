@@ -20,6 +20,16 @@ static inline bool varies_on_surface(const Shaded *s)
            || s->mesh.color != NONE;
 }
 
+#ifdef ANISOTROPY
+// Whether its textures are averaged over footprints; a test of alpha is made of the texture itself.
+static inline bool has_footprint(const Shaded *s)
+{
+    const Material *m = &s->material;
+    return (m->texture != NONE || m->gloss_texture != NONE || m->emission_texture != NONE)
+           && !(m->flags & MATERIAL_MASK);
+}
+#endif
+
 // What the corners have, and the view through the place.
 static void load_attributes(const Tile *tile, Shaded *s)
 {
@@ -42,8 +52,7 @@ static Colors surface_color(const Tile *tile, const Shaded *s, Attributes *a, fl
 #endif
 #ifdef TEXTURED
     if (s->material.texture != NONE) {
-        Texture texture = tile->scene.textures[s->material.texture];
-        Colors texel = texture_at(tile->scene.texels, texture, a->u, a->v, level, count);
+        Colors texel = texel_colors(&tile->scene, s->material.texture, a, level, count);
 #ifdef ALPHA_VARIES
         alpha *= texel.alpha;
         texel = unpremultiplied(texel);

@@ -6,13 +6,13 @@
 // is a run of rows whose lists fit into the pools.
 //
 // The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
-// time), MASK_BITS, TEXTURE_SAMPLES or SHADING_ERROR, and a macro for each effect that the scene
-// calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG, METALLIC, EMISSION, POINT_LIGHTS,
-// TEXTURED, VERTEX_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS,
-// MAX_INTERVALS, PLACED (samples lie differently in every pixel), SCATTERED (over the pixel),
-// LENS, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE (its number of keys), ROLLING,
-// ROLLING_COLUMNS, TRANSLUCENT (what is seen through), ALPHA_VARIES (over a surface),
-// VERTEX_ALPHA; AOV_TIME and the layers of aov.h.
+// time), MASK_BITS, TEXTURE_SAMPLES or SHADING_ERROR, ANISOTROPY, SAMPLE_SPACING (in pixels), and
+// a macro for each effect that the scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG,
+// METALLIC, EMISSION, POINT_LIGHTS, TEXTURED, VERTEX_COLOR, BACKGROUND_IMAGE, TRANSPARENT,
+// PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie differently in every pixel),
+// SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE (its number of
+// keys), ROLLING, ROLLING_COLUMNS, TRANSLUCENT (what is seen through), ALPHA_VARIES (over a
+// surface), VERTEX_ALPHA; AOV_TIME and the layers of aov.h.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 

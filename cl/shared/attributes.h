@@ -39,6 +39,9 @@ typedef struct {
 #ifdef METALLIC
     Gloss gloss;
 #endif
+#ifdef ANISOTROPY
+    Footprint footprint;
+#endif
 } Attributes;
 
 static inline uint corner_vertex(Path path, int corner)
@@ -125,6 +128,10 @@ static void load_corners(const Scene *scene, Shaded *s)
 static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
 {
     Attributes a = {0.0f, 0.0f, {0.0f, 0.0f, 0.0f}, {1.0f, 1.0f, 1.0f}, 0.0f};
+#ifdef ANISOTROPY
+    Footprint point = {0.0f, 0.0f, 0.0f, 0.0f};
+    a.footprint = point;
+#endif
 #ifdef TEXTURED
     for (int i = 0; i < 6; i++) a.u += weights[i] * s->uv[i].x, a.v += weights[i] * s->uv[i].y;
 #endif
@@ -171,7 +178,48 @@ static inline Lanes counted_alpha(const Shaded *s, Lanes alpha)
 static inline Colors texel_colors(const Scene *scene, uint texture, const Attributes *a,
                                   float level, int count)
 {
+#ifdef ANISOTROPY
+    return texture_over(scene->texels, scene->textures[texture], a->u, a->v, &a->footprint, level,
+                        count);
+#else
     return texture_at(scene->texels, scene->textures[texture], a->u, a->v, level, count);
+#endif
+}
+#endif
+
+#ifdef ANISOTROPY
+// Nothing where it is not finite, since the triangle is seen edge-on.
+static inline Lanes footprint_side(double16 side)
+{
+    Lanes near = convert_float16(side);
+    return fabs(near) < 1e6f ? near : (Lanes)(0.0f);
+}
+
+// Find the footprint of samples at (x, y) whose uv are given, of the triangle as it is at tau.
+// Share i of a point is e_i over the sum of all e, and e_i is linear on screen: the cross product
+// of the two other vertices times (x, y, 1). Through the middle of the lens.
+static void load_footprint(const Scene *scene, const Shaded *s, float tau, Lanes x, Lanes y,
+                           Attributes *a)
+{
+    double3 vertex[3], all = 0.0, u = 0.0, v = 0.0;
+    for (int i = 0; i < 3; i++) {
+        Vertex p = scene->vertices[corner_vertex(s->path, i)];
+        Vertex q = scene->vertices[corner_vertex(s->path, i + 3)];
+        vertex[i] = (double3)(p.x + tau * (q.x - p.x), p.y + tau * (q.y - p.y),
+                              p.w + tau * (q.w - p.w));
+    }
+    for (int i = 0; i < 3; i++) {
+        double3 edge = cross(vertex[(i + 1) % 3], vertex[(i + 2) % 3]);
+        float2 uv = s->uv[i] + tau * (s->uv[i + 3] - s->uv[i]);
+        all += edge, u += (double)uv.x * edge, v += (double)uv.y * edge;
+    }
+    double16 at = all.x * convert_double16(x) + all.y * convert_double16(y) + all.z;
+    double16 over = (double)SAMPLE_SPACING / at;
+    double16 us = convert_double16(a->u), vs = convert_double16(a->v);
+    a->footprint.u_right = footprint_side((u.x - us * all.x) * over);
+    a->footprint.v_right = footprint_side((v.x - vs * all.x) * over);
+    a->footprint.u_down = footprint_side((u.y - us * all.y) * over);
+    a->footprint.v_down = footprint_side((v.y - vs * all.y) * over);
 }
 #endif
 

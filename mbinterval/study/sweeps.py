@@ -133,6 +133,13 @@ def _analytic() -> dict[str, Sweep]:
             "shading_error",
             (0.03, 0.01, 0.003, 0.001, 0.0003),
         ),
+        "anisotropy": _sweep(
+            "most texture look-ups over a sample's footprint",
+            "exact anisotropy",
+            _ONE,
+            "anisotropy",
+            (0, 1, 2, 4, 8, 16),
+        ),
         "segments": _sweep(
             "linear motion segments per shutter",
             "exact segments",

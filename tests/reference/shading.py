@@ -251,6 +251,31 @@ def mip_chain(image: np.ndarray) -> list[np.ndarray]:
     return levels
 
 
+def averaged(
+    chain: list[np.ndarray], texture: Texture, uv: np.ndarray, right: np.ndarray,
+    down: np.ndarray, most: int, least: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Texels ``(M, c)`` over the parallelograms of ``right`` and ``down`` ``(M, 2)`` around ``uv``.
+
+    As many look-ups as the longer side is longer than the parallelogram is high, ``most`` at most,
+    in a row along it.
+    """
+    size = np.array(texture.image.shape[1::-1])
+    a, b = right * size, down * size
+    lengths = np.stack([np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)])
+    long = lengths.max(axis=0)
+    high = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / np.where(long > 0, long, 1.0)
+    high = np.maximum(np.maximum(high, long / most), 1.0)
+    count = np.clip(np.ceil(long / high - 0.01), 1, most).astype(int)
+    side = np.where((lengths[0] >= lengths[1])[:, None], right, down)
+    level = np.maximum(np.log2(high), least)
+    result = np.zeros((len(uv), chain[0].shape[2]))
+    for k in range(most):
+        place = uv + side * ((k + 0.5) / count - 0.5)[:, None]
+        result += (k < count)[:, None] * trilinear(chain, texture, place, level)
+    return result / count[:, None]
+
+
 def wrapped(index: np.ndarray, size: int, wrap: str) -> np.ndarray:
     """Texel that stands at ``index``, any integer, of a row of ``size`` texels."""
     if wrap == "clamp":

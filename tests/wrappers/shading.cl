@@ -16,6 +16,19 @@ kernel void lookups(global const float4 *texels, global const Texture *textures,
 }
 #endif
 
+#ifdef ANISOTROPY
+kernel void footprints(global const float4 *texels, global const Texture *textures,
+                       global const float *given, uint count, global float *colors)
+{
+    for (uint i = 0; i < count; i++) {
+        global const float *g = given + 7 * i;
+        Footprint f = {g[2], g[3], g[4], g[5]};
+        Colors found = texture_over(texels, textures[0], (Lanes)(g[0]), (Lanes)(g[1]), &f, g[6], 6);
+        vstore3((float3)(found.x.s5, found.y.s5, found.z.s5), i, colors);
+    }
+}
+#endif
+
 kernel void reflections(global const Material *materials, global const float *given, uint count,
                         global const Light *lights, uint light_count, global float *colors)
 {
