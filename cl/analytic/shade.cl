@@ -69,8 +69,11 @@ static bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a,
 {
     bool close = true;
 #ifdef TEXTURED
-    if (s->material.texture != NONE) {
-        Texture texture = tile->scene.textures[s->material.texture];
+    const Material *m = &s->material;
+    uint index = m->texture != NONE ? m->texture
+                 : m->gloss_texture != NONE ? m->gloss_texture : m->emission_texture;
+    if (index != NONE) {
+        Texture texture = tile->scene.textures[index];
         Lanes across = fabs(lanes_steps(a->u)) * texture.width;
         Lanes down = fabs(lanes_steps(a->v)) * texture.height;
         float texels = lanes_greatest(lanes_max(across, down));
