@@ -33,6 +33,15 @@ L11 = {
 }
 """Laine et al. 2011, table 1: STE of bbox, modified Pixar at 4, 16 and 64 samples, their own."""
 
+L11_UVT = {"city": 21.0, "crowd": 3.8}
+"""Laine et al. 2011, 4.1: about the STE of InterleaveUVT in the games, and in CARS."""
+
+L11_FIGURE_1 = (
+    'few (u, v, t) triplets, "especially with low sample counts"',
+    '"a good sampling pattern"',
+)
+"""What the caption of their figure 1 says of InterleaveUVT with 2 x 2 pixels, and of Sobol."""
+
 L11_TILES = {
     "city": {"operations": (5, 54), "ste": (5, 10)},
     "crowd": {"operations": (26, 57), "ste": (16, 55)},

@@ -16,6 +16,7 @@ import mbinterval as mb
 
 ROWS = ("none", "motion", "motion x2", "defocus", "defocus x2", "both", "both x2")
 _AMOUNTS = dict(zip(ROWS, ((0, 0), (1, 0), (2, 0), (0, 1), (0, 2), (1, 1), (2, 2)), strict=True))
+_AMOUNTS["both x4"] = (4, 4)
 _FOCUS = 6.0
 
 
@@ -61,7 +62,7 @@ def _camera(aperture: float) -> mb.Camera:
 
 @cache
 def variant(name: str, row: str) -> mb.Scene:
-    """``city`` or ``crowd`` with the effects of one of ``ROWS``."""
+    """``city`` or ``crowd`` with the effects of one of ``ROWS``, or with ``both x4``."""
     make, aperture = SCENES[name]
     motion, defocus = _AMOUNTS[row]
     start, end, faces = make(motion)
@@ -74,6 +75,7 @@ def variant(name: str, row: str) -> mb.Scene:
     return mb.Scene(meshes=[mesh], camera=camera, background=(0.02, 0.02, 0.03))
 
 
+@cache
 def _poster(size: int) -> mb.Material:
     texture = mb.Texture(np.random.default_rng(6).uniform(0, 1, (size, size, 3)))
     return mb.Material("poster", texture=texture, shading="unlit")
@@ -84,22 +86,27 @@ _QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 _APERTURE = 10.0
 
 
-def disc(time: float | None = None) -> mb.Scene:
-    """A wheel of 64 sectors that moves and turns; at one time of the shutter, or all of it."""
+def disc(size: int, way: float, time: float | None = None) -> mb.Scene:
+    """A wheel of 64 sectors that moves and turns; at one time of the shutter, or all of it.
+
+    ``size`` is its texture's width and height, ``way`` how far it goes: at 1 three tenths of the
+    picture's height, and a quarter of a radian.
+    """
     angles = np.linspace(0, 2 * np.pi, 65)
     rim = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     flat = np.concatenate([np.zeros((1, 2)), rim])
     faces = np.array([[0, k, k + 1] for k in range(1, 65)])
-    turn = np.array([[np.cos(0.25), -np.sin(0.25)], [np.sin(0.25), np.cos(0.25)]])
-    ends = np.stack([flat * 0.9 - [0.3, 0.0], flat @ turn.T * 0.9 + [0.3, 0.0]])
+    angle = 0.25 * way
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    ends = np.stack([flat * 0.9 - [0.3 * way, 0.0], flat @ turn.T * 0.9 + [0.3 * way, 0.0]])
     positions = np.concatenate([ends, np.full((*ends.shape[:2], 1), -2.0)], axis=-1)
     if time is not None:
         positions = positions[0] + time * (positions[1] - positions[0])
-    mesh = mb.Mesh(positions=positions, faces=faces, uv=0.5 + 0.5 * flat, material=_poster(512))
+    mesh = mb.Mesh(positions=positions, faces=faces, uv=0.5 + 0.5 * flat, material=_poster(size))
     return mb.Scene(meshes=[mesh], camera=_camera(0.0))
 
 
-def floor(lens: tuple[float, float] | None = None) -> mb.Scene:
+def floor(size: int, lens: tuple[float, float] | None = None) -> mb.Scene:
     """A floor and a wall through a lens; or sharp, seen from one of its points in [-1, 1]."""
     ground = np.stack([2.0 * _CORNERS[:, 0], np.full(4, -0.8), 2.0 * _CORNERS[:, 1] - 4.5], axis=1)
     wall = np.stack([2.0 * _CORNERS[:, 0], _CORNERS[:, 1] + 0.3, np.full(4, -3.5)], axis=1)
@@ -110,12 +117,12 @@ def floor(lens: tuple[float, float] | None = None) -> mb.Scene:
             # Seen from beside the lens's middle, what is in focus stays where it is.
             offset = np.array([*lens, 0.0]) * (0.5 * 0.024 * _APERTURE)
             points = points - offset * (1.0 + points[:, 2:] / _FOCUS)
-        meshes.append(mb.Mesh(positions=points, faces=_QUAD, uv=uv, material=_poster(512)))
+        meshes.append(mb.Mesh(positions=points, faces=_QUAD, uv=uv, material=_poster(size)))
     return mb.Scene(meshes=meshes, camera=_camera(_APERTURE if lens is None else 0.0))
 
 
-def passes(name: str) -> list[mb.Scene]:
-    """What an accumulation buffer of four passes shows, one after the other."""
+def slices_of(name: str, size: int, way: float = 1.0) -> list[mb.Scene]:
+    """What an accumulation buffer of four passes shows of ``disc`` or ``floor``, pass by pass."""
     if name == "disc":
-        return [disc((k + 0.5) / 4) for k in range(4)]
-    return [floor(point) for point in ((-0.5, -0.2), (0.2, -0.5), (0.5, 0.2), (-0.2, 0.5))]
+        return [disc(size, way, (k + 0.5) / 4) for k in range(4)]
+    return [floor(size, point) for point in ((-0.5, -0.2), (0.2, -0.5), (0.5, 0.2), (-0.2, 0.5))]
