@@ -16,7 +16,7 @@
 
 #include "shared/scene.h"
 #include "shared/lanes.h"
-#include "stochastic/sobol.h"
+#include "stochastic/scramble.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
