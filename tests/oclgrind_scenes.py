@@ -157,6 +157,9 @@ SCENES = {
     "stochastic, edges": Small(
         colorful, {"samples": 2, "test": "edges", "shading_rate": "pixel"} | POINTS
     ),
+    "stochastic, texels counted": Small(
+        colorful, {"samples": 2, "statistics": True} | POINTS
+    ),
     "stochastic, frameless": Small(
         colorful, {"samples": 2, "frameless": 3, "hybrid": True} | POINTS,
         scene={"shutter": ROLL},
