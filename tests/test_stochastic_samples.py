@@ -94,8 +94,9 @@ def test_with_a_lens_sobol_samples_are_nets_in_time_and_on_the_lens():
 @pytest.mark.parametrize(
     ("pattern", "count"),
     [
-        *(("sobol", 1), ("sobol", 100), ("jittered", 5), ("jittered", 16)),
-        *(("fixed", 5), ("fixed", 100), ("interleave_uvt", 1), ("interleave_uvt", 5)),
+        *(("sobol", 1), ("sobol", 100), ("jittered", 1), ("jittered", 5), ("jittered", 16)),
+        *(("jittered", 100), ("fixed", 1), ("fixed", 5), ("fixed", 100)),
+        *(("interleave_uvt", 1), ("interleave_uvt", 5), ("interleave_uvt", 100)),
     ],
 )
 def test_times_are_stratified_in_each_pixel(pattern, count):
