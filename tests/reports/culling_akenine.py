@@ -50,8 +50,9 @@ def depth_culling() -> Iterator[str]:
 @cache
 def megabytes(name: str, size: int, way: float = 1.0) -> tuple[float, float]:
     """Fetched by four samples per pixel, and by four pictures at rest."""
-    of = disc(size, way) if name == "disc" else floor(size)
-    sampled = render(of, samples=4, statistics=True).stats["texel_lines"]
+    moves = name == "disc"
+    of, pattern = (disc(size, way), "rgss") if moves else (floor(size), "sobol")
+    sampled = render(of, samples=4, pattern=pattern, statistics=True).stats["texel_lines"]
     alone = {"method": "accumulation", "slices": 1, "samples": 1, "pattern": "fixed"}
     at_rest = [
         render(each, statistics=True, **alone).stats["texel_lines"]
@@ -60,8 +61,8 @@ def megabytes(name: str, size: int, way: float = 1.0) -> tuple[float, float]:
     return sampled * LINE_BYTES / 1e6, sum(at_rest) * LINE_BYTES / 1e6
 
 
-def fetched(found: tuple[float, float]) -> str:
-    return f"{found[0] / found[1]:.2f} ({found[0]:.1f} / {found[1]:.1f})"
+def fetched(found: tuple[float, float], form: str = ".1f") -> str:
+    return f"{found[0] / found[1]:.2f} ({found[0]:{form}} / {found[1]:{form}})"
 
 
 def pixels(way: float) -> float:
@@ -76,17 +77,18 @@ def texels() -> Iterator[str]:
         "Four samples per pixel over an accumulation buffer of four passes: what a cache of 6 kB "
         "fetches for them (lines of 4 x 4 texels of 4 bytes; six lines in each of 16 sets; emptied "
         "before each tile of 16 x 16 pixels), and in brackets both in megabytes. A disc with a "
-        "texture moves and turns (theirs: a wheel); a floor and a wall with textures are out of "
-        "focus (theirs: Sponza). The paper says neither how large its pictures and textures are, "
-        "nor how far its wheel moves, nor how its cache is organized."
+        "texture moves and turns, by the paper's pattern of samples (theirs: a wheel); a floor and "
+        "a wall with textures are out of focus (theirs: Sponza). The paper says neither how large "
+        "its pictures and textures are, nor how far its wheel moves, nor how its cache is "
+        "organized."
     )
     yield ""
     rows = []
     for way in WAYS:
         cells = [fetched(megabytes("disc", size, way)) for size in DISC_TEXTURES]
-        rows.append([f"disc, {pixels(way):.0f} pixels", *cells, fetched(AM07["disc"])])
+        rows.append([f"disc, {pixels(way):.0f} pixels", *cells, fetched(AM07["disc"], ".0f")])
     cells = [fetched(megabytes("floor", size)) for size in DISC_TEXTURES]
-    rows.append(["floor", *cells, fetched(AM07["floor"])])
+    rows.append(["floor", *cells, fetched(AM07["floor"], ".0f")])
     heads = [f"texture of {size} x {size}" for size in DISC_TEXTURES]
     yield from table(["scene", *heads, "theirs"], rows)
 
@@ -147,8 +149,8 @@ def claims() -> Iterator[str]:
         "- *AM07: texture bandwidth is below that of an accumulation buffer, in motion.* "
         + (f"Confirmed up to {pixels(max(below)):.0f} pixels of motion; " if below else "")
         + ("not reproduced beyond: " if len(below) < len(WAYS) else "")
-        + f"{said}, theirs {theirs:.2f}. The samples of a pixel are spread over four parts of the "
-        "way, so that the places of the texture that a tile of pixels asks for grow with the "
+        + f"{said}, theirs {theirs:.2f}. The four samples of a pixel are spread over four parts of "
+        "the way, so that the places of the texture that a tile of pixels asks for grow with the "
         "motion, until a cache of 96 lines holds them no longer; a pass at rest asks for one such "
         "part only. How far the paper's wheel moves is not said."
     )
