@@ -48,7 +48,6 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
     "filter": ("box", "five_point", "triangle", "gaussian", "blackman_harris", "mitchell"),
     "tile_size": (8, 16, 32),
     "cull": CULLS,
-    "cull_tile": (1, 2, 4),
     "test": ("vertices", "edges"),
     "shading_rate": ("sample", "pixel"),
     "slice_times": ("uniform", "jittered", "stochastic"),
@@ -57,6 +56,7 @@ _RANGES = {
     "samples": (1, 4096),
     "texture_samples": (1, 1024),
     "seed": (0, 2**32 - 1),
+    "cull_tile": (1, 16),
     "frameless": (1, 64),
     "slices": (1, 4096),
 }
@@ -134,7 +134,7 @@ class Settings:
         image, but for ``"clip_space_printed"``, which loses hits (see ``cl/stochastic/cull``).
         ``"interleave_uvt"`` is for the pattern of that name.
     cull_tile
-        Bounds of ``cull`` are found for tiles of 1, 2 or 4 pixels along an edge.
+        Bounds of ``cull`` are found for tiles of so many pixels along an edge, 1 to 16.
     test
         Whether a sample is covered: ``"vertices"``, from the vertices at its time (after Laine &
         Karras 2011), or ``"edges"``, from time-dependent edge functions (Akenine-Möller et al.

@@ -28,7 +28,7 @@ WRONG = {
     "transparent": [1, "no", None],
     "tile_size": [4, 16.0, True, None, "16"],
     "cull": ["box", None, True],
-    "cull_tile": [3, 2.0, None],
+    "cull_tile": [0, 17, 2.0, None],
     "test": ["guess", None],
     "shading_rate": ["line", 1],
     "hybrid": [1, "yes", None],

@@ -176,8 +176,8 @@ def test_wide_filters_motion_segments_rolling_lines_and_frameless_rendering():
 
 @pytest.mark.parametrize(
     ("cull", "edge"),
-    [*(("dual_space", 2), ("dual_space", 4), ("clip_space", 2), ("clip_space", 4)),
-     *(("pixar", 4), ("hull", 2))],
+    [*(("dual_space", 2), ("dual_space", 5), ("clip_space", 2), ("clip_space", 4)),
+     *(("pixar", 4), ("hull", 16))],
 )  # fmt: skip
 def test_bounds_of_tiles_of_pixels(cull, edge):
     names = [f"random {seed}" for seed in range(30)]

@@ -91,6 +91,19 @@ def test_with_a_lens_sobol_samples_are_nets_in_time_and_on_the_lens():
     assert (of.u**2 + of.v**2).max() <= 1.0 + 1e-6
 
 
+def test_a_lens_of_four_blades_is_a_square():
+    of = with_lens(moving())
+    square = replace(of, camera=replace(of.camera, blades=4, blade_rotation=45.0))
+    points = drawn(square, samples=16)
+    half = np.sqrt(0.5)
+    for place in (points.u, points.v):
+        assert np.abs(place).max() <= half + 1e-6
+        counts = np.histogram(place, 8, (-half, half))[0]
+        assert counts == pytest.approx(place.size / 8, rel=0.03)
+    assert abs(np.corrcoef(points.u.ravel(), points.v.ravel())[0, 1]) < 0.02
+    assert np.abs(drawn(of, samples=16).u).max() > 0.99
+
+
 @pytest.mark.parametrize(
     ("pattern", "count"),
     [

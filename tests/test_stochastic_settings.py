@@ -25,7 +25,7 @@ WRONG = [
     ({"method": "stochastic", "pattern": "rgss", "filter": "gaussian"}, "a filter of its own"),
     ({"method": "stochastic", "cull": "interleave_uvt"}, "it is for pattern='interleave_uvt'"),
     ({"method": "stochastic", "cull_tile": 2}, "tiles of its own"),
-    ({"method": "stochastic", "cull": "hull", "cull_tile": 3}, "1, 2"),
+    ({"method": "stochastic", "cull": "hull", "cull_tile": 17}, "16"),
     ({"method": "stochastic", "hybrid": True, "shading_rate": "pixel"}, "nothing is left to it"),
     ({"method": "stochastic", "frameless": 65}, "64"),
     ({"method": "accumulation", "frameless": 4}, "it is for method='stochastic'"),
