@@ -129,7 +129,7 @@ class Runtime:
         self._check_size(array.nbytes, what)
         host = cl.mem_flags.USE_HOST_PTR if self.is_cpu else cl.mem_flags.COPY_HOST_PTR
         return self._guarded(
-            cl.Buffer, cl.mem_flags.READ_ONLY | host, hostbuf=np.ascontiguousarray(array)
+            what, cl.Buffer, cl.mem_flags.READ_ONLY | host, hostbuf=np.ascontiguousarray(array)
         )
 
     def allocate(self, nbytes: int, what: str = "") -> Any:
@@ -137,7 +137,10 @@ class Runtime:
         import pyopencl as cl
 
         self._check_size(nbytes, what)
-        return self._guarded(cl.Buffer, cl.mem_flags.READ_WRITE, size=max(nbytes, 16))
+        # PoCL else takes memory when a kernel first needs it, and crashes where there is none.
+        at_once = cl.mem_flags.ALLOC_HOST_PTR if self.is_cpu else 0
+        flags = cl.mem_flags.READ_WRITE | at_once
+        return self._guarded(what, cl.Buffer, flags, size=max(nbytes, 16))
 
     def download(self, buffer: Any, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         """Return the contents of ``buffer`` as a new array, once all work is done."""
@@ -179,8 +182,8 @@ class Runtime:
                 "segments or faces where the scene is"
             )
 
-    def _guarded(self, make: Any, flags: Any, **keywords: Any) -> Any:
-        with _device_errors("a buffer"):
+    def _guarded(self, what: str, make: Any, flags: Any, **keywords: Any) -> Any:
+        with _device_errors(f"the buffer of {what}" if what else "a buffer"):
             return make(self.context, flags, **keywords)
 
 
@@ -191,9 +194,12 @@ def _device_errors(what: str) -> Iterator[None]:
 
     try:
         yield
-    except cl.MemoryError as error:
-        raise CapacityError(f"{what}: the device is out of memory: {error}") from None
     except cl.Error as error:
+        if isinstance(error, cl.MemoryError) or error.code == cl.status_code.OUT_OF_HOST_MEMORY:
+            raise CapacityError(
+                f"{what}: the device is out of memory ({error}); render in crops, or with a "
+                "smaller tile_size, fewer samples or motion segments"
+            ) from None
         raise DeviceError(f"{what}: the device failed: {error}") from None
 
 
