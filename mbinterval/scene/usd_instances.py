@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.tracks import Placement, Track
-from mbinterval.scene.usd_time import Clock, columns
+from mbinterval.scene.usd_time import Clock, columns, finite, reading_prim
 
 Float64 = NDArray[np.float64]
 
@@ -31,13 +31,16 @@ class Crowd:
         if key not in self.known:
             if len(self.known) >= 1024:
                 self.known.clear()
-            found = self.source.ComputeInstanceTransformsAtTime(
-                self.clock.code(frame),
-                self.clock.code(base),
-                UsdGeom.PointInstancer.ExcludeProtoXform,
-                UsdGeom.PointInstancer.IgnoreMask,
-            )
-            self.known[key] = np.array(found, dtype=np.float64).transpose(0, 2, 1)
+            path = self.source.GetPath()
+            with reading_prim(path):
+                found = self.source.ComputeInstanceTransformsAtTime(
+                    self.clock.code(frame),
+                    self.clock.code(base),
+                    UsdGeom.PointInstancer.ExcludeProtoXform,
+                    UsdGeom.PointInstancer.IgnoreMask,
+                )
+                places = np.array(found, dtype=np.float64).transpose(0, 2, 1)
+            self.known[key] = finite(places, path, frame)
         return self.known[key]
 
 
