@@ -97,6 +97,23 @@ def choose_device(wanted: Any = None) -> Any:
     raise DeviceError(f"no device is called {text!r}; {are} {names}")
 
 
+def choose_devices(wanted: str) -> tuple[Any, ...]:
+    """Return the devices that ``wanted`` names with commas between them; ``all`` usable ones.
+
+    Each is an index or a part of a name, as for `choose_device`; none is taken twice.
+
+    Raises
+    ------
+    DeviceError
+        As `choose_device`.
+    """
+    if wanted.strip().lower() == "all":
+        found = [choose_device(device.index) for device in devices() if device.usable]
+        return tuple(found) or (choose_device(),)
+    named = [choose_device(name.strip()) for name in wanted.split(",")]
+    return tuple({device.int_ptr: device for device in named}.values())
+
+
 def _all_devices() -> list[Any]:
     import pyopencl as cl
 

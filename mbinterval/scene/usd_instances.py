@@ -28,7 +28,8 @@ class Crowd:
         from pxr import UsdGeom
 
         key = (frame, base)
-        if key not in self.known:
+        places = self.known.get(key)  # other threads may clear it at any time
+        if places is None:
             if len(self.known) >= 1024:
                 self.known.clear()
             path = self.source.GetPath()
@@ -41,7 +42,7 @@ class Crowd:
                 )
                 places = np.array(found, dtype=np.float64).transpose(0, 2, 1)
             self.known[key] = finite(places, path, frame)
-        return self.known[key]
+        return places
 
 
 @dataclass(frozen=True, eq=False)
