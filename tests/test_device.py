@@ -207,6 +207,24 @@ def test_kernels_are_made_per_thread(tmp_path):
     assert other is not mine
 
 
+def test_two_runtimes_that_build_at_once_say_nothing_and_leave_warnings_as_they_are(tmp_path):
+    """What a compiler remarks goes to the log: pyopencl warns of it, as of an error here."""
+    import warnings
+    from concurrent.futures import ThreadPoolExecutor
+
+    def build(device: Runtime) -> None:
+        for number in range(8):
+            device.kernel(str(tmp_path / f"{number}.cl"), "f", (f"-DBY={id(device)}",))
+
+    for number in range(8):
+        text = '#warning "a remark"\nkernel void f(global long *p) { p[0] = BY; }\n'
+        (tmp_path / f"{number}.cl").write_text(text)
+    before = list(warnings.filters)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(build, [Runtime(choose_device()) for _ in range(2)]))
+    assert warnings.filters == before
+
+
 def test_renders_in_two_threads_at_once_are_those_of_one():
     from concurrent.futures import ThreadPoolExecutor
 

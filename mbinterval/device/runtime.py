@@ -19,6 +19,8 @@ from mbinterval.errors import CapacityError, DeviceError, KernelBuildError
 _log = logging.getLogger(__name__)
 _runtimes: dict[int, Runtime] = {}
 _lock = threading.Lock()
+_building = threading.RLock()
+"""Held while a program is built: what is done about warnings then is the whole process's."""
 
 _PROBE = """
 kernel void probe(global ulong *out)
@@ -43,7 +45,6 @@ class Runtime:
         self.context = cl.Context([device])
         self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
         self._local = threading.local()
-        self._build_lock = threading.Lock()
         self.is_cpu = device.type & ~cl.device_type.DEFAULT == cl.device_type.CPU
         self.workers = device.max_compute_units * (1 if self.is_cpu else 64)
         self.has_clang_builtins = self._probe_clang_builtins()
@@ -70,7 +71,7 @@ class Runtime:
         return kernels[key, name]
 
     def _program(self, file: str, options: tuple[str, ...]) -> Any:
-        with self._build_lock:
+        with _building:
             if (file, options) not in self._programs:
                 source = f'#include "{file}"\n'
                 self._programs[file, options] = self._build(source, file, options)
@@ -102,7 +103,7 @@ class Runtime:
         import pyopencl as cl
 
         try:
-            with warnings.catch_warnings():
+            with _building, warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 program = cl.Program(self.context, _PROBE).build(options=["-cl-std=CL1.2"])
                 cl.Kernel(program, "probe")
