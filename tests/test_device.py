@@ -165,6 +165,30 @@ def test_a_cache_that_cannot_be_written_is_explained(tmp_path):
     assert good.stdout.startswith("found"), good.stderr
 
 
+FULL = """
+import resource, signal
+import mbinterval as mb
+mb.devices()
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+try:
+    print("rendered", mb.render(mb.Scene(meshes=()), width=4, height=4).device)
+except mb.DeviceError as error:
+    print("error", error)
+"""
+
+
+def test_a_cache_on_a_full_disk_is_explained(tmp_path):
+    """A limit to the size of files stands in for it; other implementations have no such cache."""
+    cache = tmp_path / "cache"
+    run = python(FULL, POCL_CACHE_DIR=str(cache), PYOPENCL_NO_CACHE="1")
+    assert run.returncode == 0, run.stderr
+    if run.stdout.startswith("rendered") and "pthread" not in run.stdout:
+        return
+    assert f"PoCL's kernel cache {cache} cannot be written, or its disk is full" in run.stdout
+    assert "set POCL_CACHE_DIR" in run.stdout
+
+
 def test_the_cache_folder_is_where_pocl_looks(monkeypatch, tmp_path):
     monkeypatch.setenv("POCL_CACHE_DIR", "/a/b")
     assert choose.pocl_cache_folder() == Path("/a/b")

@@ -13,6 +13,7 @@ from mbinterval.errors import DeviceError
 
 _POCL = "Portable Computing Language"
 _POCL_THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")  # before PoCL 5, and since
+_KERNEL_BYTES = 1 << 20  # of a program in PoCL's cache, more or less
 THREADS = "MBINTERVAL_THREADS"
 """Variable of the environment that limits the threads of CPU devices."""
 
@@ -202,6 +203,17 @@ def _why_none() -> str:
     return f"no OpenCL device was found{platforms}; install one with: pip install 'pyopencl[pocl]'"
 
 
+def cache_trouble(device: Any) -> str:
+    """Say what keeps PoCL from building kernels, if its cache does; else the empty text."""
+    cache = pocl_cache_folder()
+    if _POCL not in device.platform.name or _writable(cache):
+        return ""
+    return (
+        f"; PoCL's kernel cache {cache} cannot be written, or its disk is full: make room, or set "
+        "POCL_CACHE_DIR to a folder that can be"
+    )
+
+
 def pocl_cache_folder() -> Path:
     """Return the folder in which PoCL keeps compiled kernels."""
     if "POCL_CACHE_DIR" in os.environ:
@@ -211,11 +223,13 @@ def pocl_cache_folder() -> Path:
 
 
 def _writable(folder: Path) -> bool:
-    """Whether a file can be made there: permission bits say nothing to root."""
+    """Whether a file can be written there: permission bits say nothing to root, nor of room."""
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     try:
-        with tempfile.TemporaryDirectory(dir=folder):
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(_KERNEL_BYTES))
+            file.flush()
             return True
     except OSError:
         return False

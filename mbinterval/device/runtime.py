@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.device.choose import choose_device
+from mbinterval.device.choose import cache_trouble, choose_device
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import CapacityError, DeviceError, KernelBuildError
 
@@ -90,7 +90,7 @@ class Runtime:
         except cl.RuntimeError as error:
             raise KernelBuildError(
                 f"kernel file {file} does not build for device {self.device.name.strip()!r} "
-                f"with {' '.join(options)}:\n{error}"
+                f"with {' '.join(options)}{cache_trouble(self.device)}:\n{error}"
             ) from None
         if caught:
             log = program.get_build_info(self.device, cl.program_build_info.LOG).strip()
@@ -113,7 +113,8 @@ class Runtime:
             if "__builtin_" in str(error):
                 return False
             raise KernelBuildError(
-                f"device {self.device.name.strip()!r} cannot build the smallest kernel:\n{error}"
+                f"device {self.device.name.strip()!r} cannot build the smallest kernel"
+                f"{cache_trouble(self.device)}:\n{error}"
             ) from None
         return True
 
