@@ -33,6 +33,12 @@ class Context(Runtime):
     def __init__(self, device, name):
         super().__init__(device)
         self.device = Named(device, name)
+    def _build(self, *arguments):
+        named, self.device = self.device, self.device.device
+        try:
+            return super()._build(*arguments)
+        finally:
+            self.device = named
 
 if len(mbinterval.devices()) < 2:  # another implementation than PoCL: two contexts
     device = choose.choose_device()
