@@ -40,6 +40,7 @@ __all__ = [
     "compare",
     "devices",
     "errors",
+    "farm",
     "load",
     "load_file",
     "read_image",
@@ -65,6 +66,7 @@ _HOMES = {
     "Settings": "settings",
     "compare": "comparison",
     "devices": "device.choose",
+    "farm": "dask_farm",
     "load": "scene.load",
     "load_file": "scene.load",
     "read_image": "images",
@@ -75,6 +77,7 @@ _HOMES = {
 if TYPE_CHECKING:
     from mbinterval import errors
     from mbinterval.comparison import Comparison, compare
+    from mbinterval.dask_farm import farm
     from mbinterval.device.choose import devices
     from mbinterval.errors import (
         CapacityError,

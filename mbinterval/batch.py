@@ -51,6 +51,8 @@ class Job:
         Digests of the scene's files by path. Without any, no frame is known to be complete.
     animation
         Clip and frames per second that were asked for.
+    shutter
+        Opening and closing that were asked for, as `opened` applies them; part of the scene.
     """
 
     scene: Scene
@@ -65,6 +67,7 @@ class Job:
     cameras: tuple[int, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict)
     animation: tuple[str | int | None, float | None] = (None, None)
+    shutter: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,15 @@ class Report:
     stats: Mapping[str, int]
     notes: tuple[str, ...]
     sizes: tuple[int, ...]
+
+
+def opened(scene: Scene, shutter: tuple[float, float] | None) -> Scene:
+    """``scene`` with another shutter, if any: when it opens and closes, for all cameras."""
+    if shutter is None:
+        return scene
+    changed = replace(scene.shutter, open=shutter[0], close=shutter[1])
+    cameras = [replace(view, shutter=None) for view in scene.cameras]
+    return replace(scene, shutter=changed, cameras=cameras)
 
 
 def plan_tasks(job: Job) -> list[Task]:
@@ -203,8 +215,6 @@ def survey(tasks: Sequence[Task]) -> dict[Task, str]:
 
 def render_task(job: Job, task: Task, progress: Progress | None = None) -> Film:
     """Render one frame; the film says what it is."""
-    from mbinterval.provenance import IDENTITY
-
     scene = job.scene if task.camera is None else job.scene.through(task.camera)
     with told_of(job.source, task.frame):
         film = mbinterval.render(
@@ -218,6 +228,13 @@ def render_task(job: Job, task: Task, progress: Progress | None = None) -> Film:
             memory=job.memory,
             progress=progress,
         )
+    return identified(task, film)
+
+
+def identified(task: Task, film: Film) -> Film:
+    """``film`` with the identity of the task that it was rendered for, if that has one."""
+    from mbinterval.provenance import IDENTITY
+
     if not task.identity:
         return film
     return replace(film, metadata={**film.metadata, IDENTITY: task.identity})

@@ -99,6 +99,7 @@ def _arguments(argv: list[str]) -> argparse.Namespace:
     if command and command not in COMMANDS:
         parser.error(f"unknown command {command!r}, {nearest(command, COMMANDS)}")
     arguments, rest = parser.parse_known_args(argv)
+    arguments.given = argv[1:]
     for text in rest:
         command_parser = arguments.parser
         if not text.startswith("-"):
@@ -141,10 +142,18 @@ def _parser() -> argparse.ArgumentParser:
     groups = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (run, summary, takes) in COMMANDS.items():
         command = _command(groups, name, run, summary)
-        if name in ("render", "info"):
+        if name in ("render", "info", "openjd"):
             _add_scene_options(command)
-        if name == "render":
+        if name in ("render", "openjd"):
             _add_output_options(command)
+        if name == "openjd":
+            command.add_argument(
+                "--per-task",
+                type=values.argument(values.count),
+                default=1,
+                metavar="COUNT",
+                help="frames of a task [1]",
+            )
         if name == "bench":
             _add_bench_options(command)
         if name == "compare":
@@ -167,6 +176,7 @@ COMMANDS = {
     "study": (commands.study, "measure what accuracy costs in time, and write a report", "SCENE"),
     "recommend": (commands.recommend, "find settings that reach an error or a time", "SCENE"),
     "bench": (commands.bench, "measure seconds, work and error of the methods", "[SCENE ...]"),
+    "openjd": (commands.openjd, "print the batch as a template for render farms", "SCENE"),
     "devices": (commands.devices, "list the OpenCL devices", ""),
 }
 """What each command runs, its summary, and what it takes."""
@@ -282,7 +292,7 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
     )
     batch.add_argument(
         "--threads",
-        type=values.argument(values.threads),
+        type=values.argument(values.count),
         metavar="COUNT",
         help="threads of the CPU device [as many as there are cores]",
     )
@@ -291,6 +301,18 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         type=values.argument(values.size),
         metavar="SIZE",
         help="most memory that a frame may take, such as 800M or 2G [what there is]",
+    )
+    batch.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="render on the workers of the Dask scheduler there, such as tcp://10.0.0.1:8786; the "
+        "scene's files must be at the same path on all of them",
+    )
+    batch.add_argument(
+        "--parts",
+        type=values.argument(values.count),
+        metavar="COUNT",
+        help="with --dask, cut every frame into so many bands [as many as workers need]",
     )
     command.add_argument(
         "--stats",
@@ -304,7 +326,8 @@ def _add_device_option(group: Any) -> None:
     group.add_argument(
         "--device",
         metavar="NAME",
-        help="index or part of the name of an OpenCL device; see 'mbinterval devices'",
+        help="index or part of the name of an OpenCL device; see 'mbinterval devices'. render "
+        "shares frames out among several, with commas between them, or 'all'",
     )
 
 

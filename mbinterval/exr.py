@@ -178,4 +178,7 @@ def _decoded(value: Any) -> AttributeValue:
         return numbers[0] if len(numbers) == 1 else numbers
     if hasattr(value, "n") and hasattr(value, "d"):
         return float(value.n) / float(value.d or 1)
-    return str(value)
+    try:
+        return str(value)
+    except UnicodeDecodeError:  # bytes of a type that the package does not know
+        return f"({type(value).__name__})"

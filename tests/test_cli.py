@@ -212,7 +212,7 @@ def test_bad_settings_and_outputs_exit_2_before_anything_is_rendered(
         (
             ["s.toml"],
             "unknown command 's.toml', known here: render, info, compare, study, recommend, bench, "
-            "devices",
+            "openjd, devices",
         ),
         (["--samples", "4", "render"], "--samples: options come after the command"),
         ([], "the following arguments are required: COMMAND"),

@@ -433,6 +433,68 @@ def test_damaged_documents_are_scene_errors(tmp_path, damage):
         read_gltf(gltf.write(tmp_path / "a.gltf"), 24.0)
 
 
+@pytest.mark.parametrize(
+    ("place", "value", "said"),
+    [
+        ("nodes 0 mesh", "x", r"nodes\[0\].mesh: expected a whole number from 0 up, got 'x'"),
+        ("nodes 0 mesh", True, r"nodes\[0\].mesh: expected a whole number from 0 up, got True"),
+        ("nodes 0 translation", [1, 2], r"nodes\[0\].translation: expected a list of 3 numbers"),
+        ("nodes 0 name", 7, r"nodes\[0\].name: expected a string, got 7"),
+        ("nodes 0 scale", [1, "a", 1], r"nodes\[0\].scale\[1\]: expected a finite number"),
+        ("nodes 0 scale", [1, float("nan"), 1], r"scale\[1\]: expected a finite number, got nan"),
+        ("accessors 0 type", "VEC5", r"accessors\[0\].type: expected SCALAR, VEC2, .*'VEC5'"),
+        ("accessors 0 count", None, r"accessors\[0\].count: is missing"),
+        ("accessors 0 count", 10**30, r"accessors\[0\].count: expected a whole number from 0 up"),
+        ("accessors 0 bufferView", None, r"accessors\[0\] has 4294967295 elements and no data"),
+        ("meshes", {}, "meshes: expected a list, got {}"),
+        ("meshes 0 primitives 0 attributes", [], r"primitives\[0\].attributes: expected an object"),
+        (
+            "extensions",
+            {"KHR_lights_punctual": {"lights": [3]}},
+            r"lights\[0\]: expected an object",
+        ),
+        ("nodes 0 extensions", 1.5, r"nodes\[0\].extensions: expected an object, got 1.5"),
+    ],
+)
+def test_what_is_not_gltf_is_named_with_its_place(tmp_path, place, value, said):
+    gltf = Gltf()
+    gltf.triangle()
+    gltf.node(mesh=0)
+    if place == "accessors 0 bufferView":
+        gltf.json["accessors"][0]["count"] = 2**32 - 1
+    *names, last = (int(name) if name.isdigit() else name for name in place.split())
+    within = gltf.json
+    for name in names:
+        within = within[name]
+    within[last] = value
+    with pytest.raises(SceneError, match=rf"a\.gltf: .*{said}"):
+        read_gltf(gltf.write(tmp_path / "a.gltf"), 24.0)
+
+
+def test_what_other_programs_write_otherwise_is_read(tmp_path):
+    """Null where there is nothing, and extensions that nobody knows."""
+    gltf = Gltf()
+    gltf.triangle()
+    gltf.node(mesh=0, camera=None, extensions={"EXT_unknown": {"light": "x"}}, extras={"a": [1]})
+    (mesh,) = read_gltf(gltf.write(tmp_path / "a.gltf"), 24.0).meshes
+    assert mesh.positions.shape == (3, 3)
+
+
+def test_a_syntax_error_has_its_line_and_column(tmp_path):
+    (tmp_path / "a.gltf").write_text('{"asset":\n {"version": }}')
+    with pytest.raises(SceneError, match=r"Expecting value \(at line 2, column 14 of its JSON\)"):
+        read_gltf(tmp_path / "a.gltf", 24.0)
+
+
+def test_a_broken_channel_is_named(tmp_path):
+    gltf = Gltf()
+    node = gltf.node(mesh=gltf.triangle())
+    gltf.animate(node, "translation", [0.0, 1.0], np.zeros((2, 3)))
+    gltf.json["animations"][0]["samplers"][0]["input"] = 0  # positions, not times
+    with pytest.raises(SceneError, match=r"animations\[0\]\.channels\[0\]: times .* no SCALAR"):
+        read_gltf(gltf.write(tmp_path / "a.gltf"), 24.0)
+
+
 def test_cut_off_files_are_scene_errors(tmp_path):
     gltf = Gltf()
     gltf.triangle()
