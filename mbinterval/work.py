@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,10 @@ from mbinterval.motion import Motion
 from mbinterval.plan import Crop, Plan, shutter_keys
 from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
+
+if TYPE_CHECKING:
+    from mbinterval.deep import DeepImage
+    from mbinterval.events import Events
 
 _FILM_BYTES = 24  # of a pixel: colour, depth, intervals
 
@@ -40,6 +44,8 @@ class Pixels:
     timings: Mapping[str, float]
     stats: Mapping[str, int]
     layers: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    deep: DeepImage | None = None
+    events: Events | None = None
 
 
 @dataclass(eq=False)
