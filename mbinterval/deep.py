@@ -156,16 +156,18 @@ class Slices:
         """Join what lies in one slice of a pixel, and make samples for "over" of the sums."""
         if not len(pixel):
             return
-        order = np.lexsort((number, pixel))
-        pixel, number = pixel[order], number[order]
-        first = np.flatnonzero(np.append(True, (np.diff(pixel) != 0) | (np.diff(number) != 0)))
-        added = np.add.reduceat(added[order], first)
+        low = number.min()
+        key = pixel * (number.max() - low + 1) + (number - low)
+        order = np.argsort(key, kind="stable")  # which is quick where much is in order
+        key = key[order]
+        first = np.flatnonzero(np.append(True, np.diff(key) != 0))
+        added = _summed(added[order], first)
         near = np.minimum.reduceat(near[order], first)
         far = np.maximum.reduceat(far[order], first)
-        pixel = pixel[first]
+        pixel = pixel[order[first]]
         left = _left_open(pixel, added[:, 3])
         first = np.flatnonzero(left > _CLOSED)
-        added = np.add.reduceat(added, first)
+        added = _summed(added, first)
         far = np.maximum.reduceat(far, first)
         rgba = added / np.maximum(left[first], added[:, 3])[:, None]  # rounding may close it early
         samples = np.concatenate([near[first, None], far[:, None], rgba], axis=1)
@@ -186,6 +188,12 @@ class Slices:
             z_back=np.ascontiguousarray(samples[:, 1]),
             rgba=np.ascontiguousarray(samples[:, 2:]),
         )
+
+
+def _summed(values: NDArray[np.float64], first: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Sums of rows of ``values``, from each ``first`` to the next."""
+    run = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(values))))
+    return np.stack([np.bincount(run, column, len(first)) for column in values.T], axis=1)
 
 
 def _left_open(pixel: NDArray[np.int64], coverage: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -21,12 +21,13 @@ from mbinterval.errors import CapacityError
 from mbinterval.events import EventTable
 from mbinterval.motion import Motion
 from mbinterval.plan import Plan
-from mbinterval.work import Work, memory_room, tile_grid
+from mbinterval.work import SECONDS_AT_A_TIME, Work, memory_room, tile_grid
 
 DONE, POOLS_FULL, EVENTS_FULL = range(3)
 """What became of a tile (``cl/analytic/tile.cl``)."""
 
 _LEAST, _MOST, _PER_SAMPLE, _GROWTH = 1 << 12, 1 << 20, 4, 4
+_FULL = 0.7  # part of the pool that is to be used
 
 
 class Collector(Protocol):
@@ -93,13 +94,18 @@ class Recorder:
         names = ("events", "event_count", "event_end")
         return [*(buffers[name] for name in names), np.uint32(self.capacity)]
 
-    def drain(self, tiles: NDArray[np.uint32]) -> None:
-        """Hand on the events of ``tiles`` that are done."""
+    def drain(self, tiles: NDArray[np.uint32]) -> float:
+        """Hand on the events of ``tiles`` that are done.
+
+        Returns how long these would have taken if time were what limits how many tiles are
+        rendered in one go, so that the pool gets nearly full and seldom more than that.
+        """
         buffers, runtime = self._work.buffers, self._work.runtime
         pair = (buffers[name] for name in ("event_count", "event_end"))
-        count = min(int(runtime.download(buffer, (1,), np.uint32)[0]) for buffer in pair)
+        asked, count = (int(runtime.download(buffer, (1,), np.uint32)[0]) for buffer in pair)
+        full, count = asked / (_FULL * self.capacity), min(asked, count)
         if not count:
-            return
+            return 0.0
         events = runtime.download(buffers["events"], (count,), records.EVENT)
         _, _, columns, rows = tile_grid(self._work.plan)
         failed = runtime.download(buffers["failed"], (columns * rows,), np.uint32)
@@ -107,6 +113,7 @@ class Recorder:
             events = events[failed[self._tile_of(events["pixel"])] == DONE]
         for collector in self._collectors:
             collector.take(_chosen(events, collector.parts))
+        return full * SECONDS_AT_A_TIME
 
     def _tile_of(self, pixel: NDArray[np.uint32]) -> NDArray[np.int64]:
         plan = self._work.plan
@@ -115,19 +122,20 @@ class Recorder:
         column = (x + plan.region[0] - left) // plan.tile
         return np.asarray((y + plan.region[1] - top) // plan.tile * columns + column)
 
-    def grow(self, some_fitted: bool) -> None:
-        """Make the pool larger, for tiles that found it full; keep it where memory is short."""
+    def make_room(self, some_fitted: bool) -> None:
+        """Prepare for tiles that found the pool full: where no tile fitted it grows."""
+        if some_fitted:
+            return
         size = _GROWTH * self.capacity * records.EVENT.itemsize
         room = memory_room(self._work, besides=("events",)) // 2
-        if size <= min(room, self._work.runtime.device.max_mem_alloc_size):
-            self.capacity *= _GROWTH
-            self._allocate_pool()
-        elif not some_fitted:
+        if size > min(room, self._work.runtime.device.max_mem_alloc_size):
             raise CapacityError(
                 f"the visible spans of a tile take more than {size // _GROWTH / 2**20:.1f} MiB, "
                 f"which the {', '.join(_asked(self._work.plan))} asked for are made of, and there "
                 "is no memory for more: allow more, or use a smaller tile_size or fewer samples"
             )
+        self.capacity *= _GROWTH
+        self._allocate_pool()
 
 
 def _chosen(events: NDArray[np.void], parts: bool) -> NDArray[np.void]:

@@ -91,7 +91,7 @@ def render_tiles(
                 progress((len(listed) - len(queue) + done) / len(listed))
         failed = work.runtime.download(work.buffers["failed"], listed.shape, np.uint32)[queue]
         if recorder is not None and (failed == EVENTS_FULL).any():
-            recorder.grow(bool((failed != EVENTS_FULL).any()))
+            recorder.make_room(bool((failed != EVENTS_FULL).any()))
         queue = queue[failed != 0]
         if (failed == POOLS_FULL).any():
             capacity *= _GROWTH
@@ -143,7 +143,7 @@ def _run_part(
     stats: dict[str, int],
     recorder: Recorder | None,
 ) -> float:
-    """Render the queued tiles with pools as they are; returns seconds."""
+    """Render the queued tiles with pools as they are; returns seconds, for `in_parts`."""
     runtime, buffers, plan = work.runtime, work.buffers, work.plan
     left, top, columns, rows = tile_grid(plan)
     buffers["queue"] = runtime.upload(queue, "queue")
@@ -162,9 +162,7 @@ def _run_part(
         arguments += recorder.arguments()
     took = seconds(runtime.run(kernel, min(workers, len(queue)), *arguments, grid, frame))
     add_counts(work, TILE_STAGES, _COUNTS, workers, took, stats)
-    if recorder is not None:
-        recorder.drain(queue)
-    return took
+    return took if recorder is None else max(took, recorder.drain(queue))
 
 
 def _first_pools(work: Work, workers: int) -> tuple[int, int]:

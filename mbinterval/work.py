@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _FILM_BYTES = 24  # of a pixel: colour, depth, intervals
 
 _BIN_CHUNKS = 64
-_SECONDS_AT_A_TIME = 0.5
+SECONDS_AT_A_TIME = 0.5
 _FIRST_LOAD = 100_000  # paths of tiles times samples: a fifth of a second, more or less
 
 
@@ -215,7 +215,7 @@ def in_parts(
         end = max(int(np.searchsorted(until, before + most, side="right")), done + 1)
         took = render(queue[done:end])
         load, done = float(until[end - 1] - before), end
-        most = load * np.clip(_SECONDS_AT_A_TIME / max(took, 1e-6), 0.1, 4.0)
+        most = load * np.clip(SECONDS_AT_A_TIME / max(took, 1e-6), 0.1, 4.0)
         yield done
 
 
