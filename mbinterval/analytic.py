@@ -54,7 +54,7 @@ def render_analytic(
     work = Work(runtime, plan, upload_scene(runtime, exposure, motion, plan), exposure)
     _run_paths(work, motion)
     listed = _run_bin(work, motion)
-    takers = collectors_of(plan, motion)
+    takers = collectors_of(work, motion)
     recorder = Recorder(work, tuple(takers.values())) if takers else None
     stats = render_tiles(work, listed, progress, recorder)
     if "share" in plan.stages:

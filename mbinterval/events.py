@@ -323,7 +323,7 @@ class EventTable:
     samples, shape
         Samples of a pixel; rows and columns of pixels.
     memory
-        Bytes that the events may take, None for what there is.
+        Bytes that the events may take.
     """
 
     parts = True
@@ -334,7 +334,7 @@ class EventTable:
         faces: NDArray[np.uint32],
         samples: int,
         shape: tuple[int, int],
-        memory: int | None,
+        memory: int,
     ) -> None:
         self._objects, self._faces = objects, faces
         self._shape, self._memory = (*shape, samples), memory
@@ -352,13 +352,13 @@ class EventTable:
         self._parts.append(events)
         # The columns come on top of the parts, which go one after the other.
         self._bytes += 2 * events.nbytes
-        if self._memory is not None and self._bytes > self._memory:
+        if self._bytes > self._memory:
             done = np.count_nonzero(self._counts) / len(self._counts)
             raise CapacityError(
-                f"the frame's events take more than the {self._memory / 2**20:.0f} MiB that are "
-                f"left of the memory that is allowed: {self._bytes / 2**20:.0f} MiB so far, of "
-                f"{done:.0%} of the samples; allow more, or render crops, or with fewer samples "
-                "or event_steps"
+                f"the frame's events take more than the {self._memory / 2**20:.0f} MiB that there "
+                f"are for them: {self._bytes / 2**20:.0f} MiB for {done:.0%} of the samples, so "
+                f"about {self._bytes / done / 2**20:.0f} MiB in all; allow more memory, or render "
+                "crops, or with fewer samples or event_steps"
             )
 
     def result(self) -> Events:

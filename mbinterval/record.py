@@ -42,8 +42,9 @@ class Collector(Protocol):
         """Return what was made of them, once all are taken."""
 
 
-def collectors_of(plan: Plan, motion: Motion) -> dict[str, Collector]:
+def collectors_of(work: Work, motion: Motion) -> dict[str, Collector]:
     """Return what the plan's settings ask for, by name."""
+    plan = work.plan
     settings, shape = plan.settings, (plan.crop[3], plan.crop[2])
     found: dict[str, Collector] = {}
     for name in settings.aovs:
@@ -52,7 +53,7 @@ def collectors_of(plan: Plan, motion: Motion) -> dict[str, Collector]:
         elif name == "events":
             objects = motion.objects[motion.paths["mesh"] + np.uint32(1)]
             table = objects, np.ascontiguousarray(motion.paths["face"])
-            found[name] = EventTable(*table, settings.samples, shape, plan.memory)
+            found[name] = EventTable(*table, settings.samples, shape, memory_room(work))
         elif name in RECORDED:
             ids = motion.hashes[name][motion.paths["mesh"]]
             found[name] = Ranks(ids, settings.cryptomatte_levels, shape)

@@ -190,7 +190,7 @@ class Settings:
     aov_time: float = 0.5
     cryptomatte_levels: int = 6
     deep_tolerance: float = 0.01
-    event_steps: int = 16
+    event_steps: int = 4
     cull: str = "best"
     cull_tile: int = 1
     test: str = "vertices"

@@ -4,8 +4,8 @@
 // All work-items share one pool. A sample's events lie together in it, in order of time and, of the
 // layers of a stack, front to back; where in the pool depends on how the work went, and only the
 // host's sorting makes it the same each time. Where colour changes along a span, and it passes from
-// one of the EVENT_STEPS parts of its line's exposure to the next, an event for each part of it, with
-// an average of its own, follows that of the whole.
+// one of the EVENT_STEPS parts of its line's exposure to the next, an event for each part of it,
+// with an average of its own, follows that of the whole.
 #include "analytic/film.h"
 #include "analytic/shutter.h"
 

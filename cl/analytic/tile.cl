@@ -7,9 +7,10 @@
 //                   with mask or stack for envelope
 //
 // Stages between nearest and shade exist only where something moves, place only where samples lie
-// differently in every pixel, record and moment only where what they find is asked for. Nothing is lost when a
-// pool is full: the piece of the tile at hand is done again in halves. Only when a single row of
-// samples does not fit is the tile given back to the host, which has larger pools.
+// differently in every pixel, record and moment only where what they find is asked for. Nothing is
+// lost when a pool is full: the piece of the tile at hand is done again in halves. Only when a
+// single row of samples does not fit is the tile given back to the host, which has larger pools, or
+// when there is no room for its events, which the host has emptied the pool for next time.
 #include "analytic/tile.h"
 #ifdef PLACED
 #include "analytic/place.cl"
