@@ -8,7 +8,8 @@ An event's colour is its average in time, as the film's is (`Settings.texture_sa
 is constant where the surface is of one colour. Where it varies along the span (textures, vertex
 colours, light), the span is cut at multiples of 1 / ``event_steps`` of the exposure; integrals
 whose limits are such multiples are then what a render of that exposure is, and others take the
-part in which a limit lies for constant.
+part in which a limit lies for constant. The colours of parts are found at more times than the
+film's; with ``event_steps=1`` the film is the sum of its events but for rounding.
 """
 
 from __future__ import annotations
@@ -61,8 +62,8 @@ class Events:
     columns
         ``(N,)`` each. ``t0``, ``t1`` float32: when it is seen, from 0 where the shutter opens to 1
         where it closes, of a rolling shutter the pixel's line's. ``weight`` float32: its share of
-        the pixel's light, by the filter and the shutter's curve; the sum of weight times colour is
-        the film's, without background. ``share`` float32: of the sample in its pixel, all the time.
+        the pixel's light, by the filter and the shutter's curve; the film without background is
+        the sum of weight times colour. ``share`` float32: of the sample in its pixel, always.
         ``object``, ``face`` uint32: 1 and the mesh's place in the scene, and the triangle of it.
         ``z0``, ``z1`` float32: depth at both ends. ``r``, ``g``, ``b``, ``a`` float32: what it adds
         on average while it is seen, premultiplied: alpha is 1 where it is opaque and nothing lies

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval import cryptomatte
+from mbinterval.aovs import EXPORTS
 from mbinterval.appearance import DEFAULT_MATERIAL
 from mbinterval.motion import Motion
 from mbinterval.scene.model import Material, Scene
@@ -80,7 +81,7 @@ def identified(
         index = {material: place for place, material in enumerate(_materials(scene), start=1)}
         table = [0, *(index[mesh.material or DEFAULT_MATERIAL] for mesh in scene.meshes)]
         found["material"] = np.array(table, np.uint32)[layers["object"]]
-    return {name: found[name] for name in aovs if name in found}
+    return {name: found[name] for name in aovs if name not in EXPORTS}
 
 
 def _materials(scene: Scene) -> list[Material]:
