@@ -21,10 +21,18 @@ from pathlib import Path
 from typing import Any
 
 import mbinterval
+from mbinterval.aovs import EXPORTS
 from mbinterval.atomic import prepare_output, remove_leftovers
 from mbinterval.errors import OutputError, SceneError, UsageError
 from mbinterval.film import Film
-from mbinterval.frames import CAMERA_PLACE, FRAME_PLACE, frame_path, is_numbered
+from mbinterval.frames import (
+    CAMERA_PLACE,
+    DEEP,
+    FRAME_PLACE,
+    export_of,
+    frame_path,
+    is_numbered,
+)
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
 
@@ -118,10 +126,12 @@ def plan_tasks(job: Job) -> list[Task]:
     Raises
     ------
     UsageError
-        Where two of them, or two outputs, would go to one file, or onto a file of the scene.
+        Where two of them, or two outputs, would go to one file, or onto a file of the scene, where
+        what is asked for has no file to go to, and where a file's kind needs a missing package.
     """
     from mbinterval.provenance import frame_identity
 
+    _check_exports(job)
     tasks = []
     for camera in job.cameras or (None,):
         scene = job.scene if camera is None else job.scene.through(camera)
@@ -148,6 +158,21 @@ def _camera_name(scene: Scene, camera: int | None) -> str:
     if scene.camera is None:
         return "framing"
     return scene.camera.name or ("camera" if camera is None else str(camera))
+
+
+def _check_exports(job: Job) -> None:
+    """Refuse what is asked for and would go to no file, and files that could not be written."""
+    files = {export_of(output) for output in job.outputs}
+    ends = {"deep": FRAME_PLACE + DEEP, "events": FRAME_PLACE + ".npz"}
+    for name in EXPORTS:
+        if name in job.settings.aovs and name not in files:
+            raise UsageError(
+                f"aovs: {name} goes to files of its own; add an output such as name.{ends[name]}"
+            )
+    if any(output.lower().endswith(".parquet") for output in job.outputs):
+        from mbinterval.events import check_parquet
+
+        check_parquet()
 
 
 def _check_clashes(job: Job, tasks: Sequence[Task]) -> None:

@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from mbinterval import __version__, commands
 from mbinterval import evaluation_options as evaluation
 from mbinterval import option_values as values
-from mbinterval.aovs import AOVS
+from mbinterval.aovs import AOVS, EXPORTS
 from mbinterval.checks import nearest
 from mbinterval.errors import MbintervalError, Terminated, exit_code
 from mbinterval.frames import parse_frames, parse_outputs
@@ -60,8 +60,12 @@ _SETTING_HELP = {
     "seed": "seed of every pseudo-random choice",
     "transparent": "leave the background out; PNG gets an alpha channel",
     "aovs": "layers to find in the same pass, with commas between them: "
-    f"{', '.join(AOVS)}; 'none' overrules the scene file",
+    f"{', '.join((*AOVS, *EXPORTS))}; 'none' overrules the scene file",
     "aov_time": "when the sharp frame is, from 0 where the shutter opens to 1 where it closes",
+    "cryptomatte_levels": "IDs that a Cryptomatte keeps of each pixel: 2, 4, ... 20",
+    "deep_tolerance": "thickness of a deep image's slices, as a part of their depth",
+    "event_steps": "parts of the shutter in which events have a colour of their own, where it "
+    "changes",
     "cull": "which point samples a path is tested at",
     "cull_tile": "pixels along the edge of the tiles that culling bounds",
     "test": "how a point sample is tested: vertices or edges",
@@ -275,7 +279,8 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         action="append",
         type=values.argument(parse_outputs),
         metavar="FILE",
-        help="where to write, .exr or .png; ####, %%04d or {frame:04} is the frame's number, "
+        help="where to write: .exr or .png, .deep.exr for the deep image, .npz or .parquet for the "
+        "events; ####, %%04d or {frame:04} is the frame's number, "
         "{camera} the camera's name. May be given several times, or as a list with commas "
         "[SCENE.####.exr]",
     )

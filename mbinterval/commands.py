@@ -18,6 +18,7 @@ from mbinterval.errors import MbintervalError, SceneError, UsageError
 from mbinterval.frames import (
     CAMERA_PLACE,
     FRAME_PLACE,
+    export_of,
     parse_frames,
     parse_outputs,
     resolution,
@@ -291,13 +292,14 @@ def make_job(arguments: argparse.Namespace) -> Job:
     stored = loaded.render
     scene = opened(loaded.scene, arguments.shutter)
     cameras = _cameras(scene, arguments.camera)
+    outputs = _outputs(given.get("output"), stored.output, arguments.scene, len(cameras))
     job = Job(
         scene=scene,
         source=arguments.scene,
         frames=tuple(arguments.frames or parse_frames(stored.frames or "1")),
         resolution=resolution(arguments.width, arguments.height, stored.width, stored.height),
-        settings=_settings(arguments.scene, loaded.settings, overruled),
-        outputs=_outputs(given.get("output"), stored.output, arguments.scene, len(cameras)),
+        settings=_settings(arguments.scene, loaded.settings, overruled, outputs),
+        outputs=outputs,
         crop=arguments.crop,
         device=arguments.device,
         memory=given.get("memory"),
@@ -321,9 +323,14 @@ def _cameras(scene: Scene, names: Sequence[str] | None) -> tuple[int, ...]:
     return tuple(dict.fromkeys(scene.camera_index(name) for name in names or ()))
 
 
-def _settings(scene: str, stored: Mapping[str, Any], overruled: Mapping[str, Any]) -> Settings:
-    """Settings of the scene file under those of the command line."""
+def _settings(
+    scene: str, stored: Mapping[str, Any], overruled: Mapping[str, Any], outputs: Sequence[str]
+) -> Settings:
+    """Settings of the scene file under those of the command line, and what ``outputs`` need."""
     joined = {**stored, **overruled}
+    needed = list(dict.fromkeys(filter(None, map(export_of, outputs))))
+    if needed:
+        joined["aovs"] = check_setting("aovs", [*joined.get("aovs", ()), *needed])
     for conflict in conflicts(joined):
         theirs = [name for name in conflict.names if name in stored and name not in overruled]
         options = " or ".join(f"--{name.replace('_', '-')}" for name in theirs)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbinterval.alpha import has_vertex_alpha, is_translucent, varies
-from mbinterval.aovs import MACROS, MOMENTARY
+from mbinterval.aovs import MACROS, MOMENTARY, RECORDED
 from mbinterval.sampling import filter_of, pattern_of
 from mbinterval.settings import Settings
 
@@ -175,8 +175,10 @@ def _published(settings: Settings, moving: bool) -> tuple[Effect, ...]:
 
 def _layers(settings: Settings) -> tuple[Effect, ...]:
     asked = ", ".join(name for name in settings.aovs if name in MOMENTARY)
+    spans = ", ".join(name for name in settings.aovs if name in RECORDED)
     return (
         Effect("values at one moment", bool(asked), asked or "not asked for", "MOMENTARY"),
+        Effect("visible spans kept", bool(spans), spans or "not asked for", "RECORDED"),
         *(Effect(f"layer {name}", True, "asked for", MACROS[name]) for name in settings.aovs),
     )
 

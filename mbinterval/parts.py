@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from mbinterval.deep import DeepImage
+from mbinterval.events import Events
 from mbinterval.film import Film
 
 Crop = tuple[int, int, int, int]
@@ -45,8 +47,37 @@ def join(films: Sequence[Film]) -> Film:
         layers={
             name: np.concatenate([film.layers[name] for film in films]) for name in films[0].layers
         },
+        deep=_joined_deep([film.deep for film in films if film.deep is not None]),
+        events=_joined_events([film.events for film in films if film.events is not None]),
         timings=dict(timings),
         stats=dict(stats),
         notes=tuple(dict.fromkeys(note for film in films for note in film.notes)),
         device=", ".join(dict.fromkeys(film.device for film in films)),
+    )
+
+
+def _joined_deep(images: Sequence[DeepImage]) -> DeepImage | None:
+    if not images:
+        return None
+    return replace(
+        images[0],
+        counts=np.concatenate([image.counts for image in images]),
+        z=np.concatenate([image.z for image in images]),
+        z_back=np.concatenate([image.z_back for image in images]),
+        rgba=np.concatenate([image.rgba for image in images]),
+    )
+
+
+def _joined_events(tables: Sequence[Events]) -> Events | None:
+    if not tables:
+        return None
+    height = sum(table.shape[0] for table in tables)
+    counts = np.concatenate([np.diff(table.offsets) for table in tables])
+    return replace(
+        tables[0],
+        shape=(height, *tables[0].shape[1:]),
+        offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        columns={
+            name: np.concatenate([table[name] for table in tables]) for name in tables[0].columns
+        },
     )

@@ -115,6 +115,8 @@ def make_plan(
         sizes["TEXTURE_SAMPLES"] = settings.texture_samples
     if active & {"MOMENTARY", "AOV_SHARP"}:
         sizes["AOV_TIME"] = _float(settings.aov_time)
+    if "events" in settings.aovs:
+        sizes["EVENT_STEPS"] = settings.event_steps
     sizes |= sampling_sizes(exposure, settings, active)
     timed = _time_stages(settings, active) if "MOVING" in active else ()
     return Plan(
@@ -130,6 +132,7 @@ def make_plan(
             *(("nearest",) if "STATIC" in active else ()),
             *timed,
             "shade",
+            *(("record",) if "RECORDED" in active else ()),
             *(("moment",) if "MOMENTARY" in active else ()),
             "resolve",
             *(("share",) if "FIVE_POINT" in active else ()),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from mbinterval.aovs import check_aovs
+from mbinterval.aovs import RECORDED, check_aovs
 from mbinterval.checks import choice, instance, nearest, number, whole_number
 from mbinterval.errors import UsageError
 
@@ -29,7 +29,8 @@ PATTERNS: dict[str, tuple[str, ...]] = {
 _BELONGS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("paths", "pairing", "occlusion", "partial_bits"), ("analytic",)),
     **dict.fromkeys(("max_intervals", "texture_samples", "tile_size"), ("analytic",)),
-    **dict.fromkeys(("aovs", "aov_time"), ("analytic",)),
+    **dict.fromkeys(("aovs", "aov_time", "cryptomatte_levels"), ("analytic",)),
+    **dict.fromkeys(("deep_tolerance", "event_steps"), ("analytic",)),
     **dict.fromkeys(("cull", "cull_tile", "test"), ("stochastic", "accumulation")),
     **dict.fromkeys(("shading_rate", "hybrid"), ("stochastic", "accumulation")),
     **dict.fromkeys(("frameless",), ("stochastic",)),
@@ -51,7 +52,14 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
     "test": ("vertices", "edges"),
     "shading_rate": ("sample", "pixel"),
     "slice_times": ("uniform", "jittered", "stochastic"),
+    "cryptomatte_levels": tuple(range(2, 21, 2)),
 }
+_OF_AOVS = {
+    "cryptomatte_levels": ("crypto_object", "crypto_material"),
+    "deep_tolerance": ("deep",),
+    "event_steps": ("events",),
+}
+"""Settings that say something about some ``aovs`` only."""
 _RANGES = {
     "samples": (1, 4096),
     "texture_samples": (1, 1024),
@@ -59,6 +67,7 @@ _RANGES = {
     "cull_tile": (1, 16),
     "frameless": (1, 64),
     "slices": (1, 4096),
+    "event_steps": (1, 4096),
 }
 _RANGES_OR_NONE = {"max_intervals": (1, 2**20), "motion_segments": (1, 4096)}
 
@@ -125,10 +134,19 @@ class Settings:
         Edge of a square tile in pixels: 8, 16 or 32. It changes speed, never the image.
     aovs
         Names of what else is found in the same pass, a list or a text with commas between them:
-        see `mbinterval.aovs.AOVS`. The image is the same with and without.
+        see `mbinterval.aovs.AOVS` and ``EXPORTS``. The image is the same with and without.
     aov_time
         When the sharp frame and what goes with it is: a part of the shutter, from 0 where it
         opens to 1 where it closes; of a rolling shutter, of each line's own exposure.
+    cryptomatte_levels
+        How many IDs of a pixel a Cryptomatte keeps, those of most coverage: an even number, 2 to
+        20.
+    deep_tolerance
+        Thickness of the slices of depth whose surfaces a deep image joins, as a part of the depth,
+        above 0 and up to 1.
+    event_steps
+        Equal parts of the shutter, 1 to 4096, in each of which events have a colour of their own
+        where it changes along a visible span; when they begin and end is exact whatever it is.
     cull
         Which samples a path is tested at, one of ``CULLS``; it changes speed and counts, never the
         image, but for ``"clip_space_printed"``, which loses hits (see ``cl/stochastic/cull``).
@@ -170,6 +188,9 @@ class Settings:
     tile_size: int = 16
     aovs: tuple[str, ...] = ()
     aov_time: float = 0.5
+    cryptomatte_levels: int = 6
+    deep_tolerance: float = 0.01
+    event_steps: int = 4
     cull: str = "best"
     cull_tile: int = 1
     test: str = "vertices"
@@ -195,7 +216,11 @@ class Settings:
             if self.method in _BELONGS.get(setting.name, (self.method,))
             and setting.name not in _SPEED_ONLY
         ]
-        values = {name: getattr(self, name) for name in names}
+        values = {
+            name: getattr(self, name)
+            for name in names
+            if name not in _OF_AOVS or set(_OF_AOVS[name]) & set(self.aovs)
+        }
         aovs, aov_time = values.pop("aovs", ()), values.pop("aov_time", None)
         if aovs:
             values |= {"aovs": ",".join(aovs), "aov_time": aov_time}
@@ -242,6 +267,8 @@ def check_setting(name: str, value: Any) -> Any:
         return check_aovs(value, name)
     if name == "aov_time":
         return number(value, name, 0.0, 1.0)
+    if name == "deep_tolerance":
+        return number(value, name, above=0.0, high=1.0)
     return instance(value, bool, name)
 
 
@@ -271,6 +298,7 @@ def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
         found.append(("aovs", "paths", "operations are counted for paths='exact'"))
     if given["occlusion"] != "exact" and "sharp" in (given["aovs"] or ()):
         found.append(("aovs", "occlusion", "a mask does not tell what is seen at a moment"))
+    found += _conflicts_of_spans(given)
     if given["filter"] == "five_point":
         why = "it is a rule for samples=1 with pattern='fixed'; use filter='box' with more"
         if given["samples"] != 1:
@@ -280,6 +308,25 @@ def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
         if given["filter_radius"] is not None:
             found.append(("filter_radius", "filter", "the five-point rule has none"))
     return [Conflict((a, b), f"{a}={given[a]!r} with {b}={given[b]!r}: {c}") for a, b, c in found]
+
+
+def _conflicts_of_spans(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Find settings with which what is made from visible spans can't be had."""
+    names = given["aovs"] or ()
+    names = names.replace(" ", "").split(",") if isinstance(names, str) else names
+    asked = {name for name in RECORDED if name in names}
+    found = []
+    if asked and given["filter"] == "five_point":
+        why = "samples are shared by pixels, spans are not; use filter='box'"
+        found.append(("aovs", "filter", why))
+    if asked - {"events"} and given["filter"] == "mitchell":
+        why = "coverage below 0 has no place in a Cryptomatte or a deep image; use another filter"
+        found.append(("aovs", "filter", why))
+    if "events" in asked and given["paths"] != "exact":
+        found.append(("aovs", "paths", "events are exact in time; use paths='exact'"))
+    if "events" in asked and given["occlusion"] != "exact":
+        found.append(("aovs", "occlusion", "a mask does not tell when something is seen"))
+    return found
 
 
 def _conflicts_of_methods(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,14 @@ from mbinterval.plan import Crop, Plan, shutter_keys
 from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
 
+if TYPE_CHECKING:
+    from mbinterval.deep import DeepImage
+    from mbinterval.events import Events
+
 _FILM_BYTES = 24  # of a pixel: colour, depth, intervals
 
 _BIN_CHUNKS = 64
-_SECONDS_AT_A_TIME = 0.5
+SECONDS_AT_A_TIME = 0.5
 _FIRST_LOAD = 100_000  # paths of tiles times samples: a fifth of a second, more or less
 
 
@@ -40,6 +44,8 @@ class Pixels:
     timings: Mapping[str, float]
     stats: Mapping[str, int]
     layers: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    deep: DeepImage | None = None
+    events: Events | None = None
 
 
 @dataclass(eq=False)
@@ -209,7 +215,7 @@ def in_parts(
         end = max(int(np.searchsorted(until, before + most, side="right")), done + 1)
         took = render(queue[done:end])
         load, done = float(until[end - 1] - before), end
-        most = load * np.clip(_SECONDS_AT_A_TIME / max(took, 1e-6), 0.1, 4.0)
+        most = load * np.clip(SECONDS_AT_A_TIME / max(took, 1e-6), 0.1, 4.0)
         yield done
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import mbinterval as mb
+from mbinterval.aovs import RECORDED
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 from mbinterval.scene.tracks import Track
 
@@ -113,6 +114,13 @@ SCENES = {
     "layers, behind the eye": Small(
         lambda: [triangles(8, near=-1.0)], {"samples": 1, "aovs": (*LAYERS, "forward", "backward")}
     ),
+    "recorded": Small(
+        colorful, {"samples": 2, "aovs": RECORDED, "event_steps": 3}, scene={"shutter": ROLL}
+    ),
+    "recorded, translucent": Small(seen_through, {"samples": 1, "aovs": RECORDED}),
+    "recorded, triangulated": Small(
+        colorful, {"samples": 1, "aovs": "crypto_object", "paths": "triangulated"}
+    ),
     "translucent": Small(seen_through, {"samples": 2, "texture_samples": 18}),
     "translucent, layers": Small(
         seen_through, {"samples": 1, "aovs": LAYERS}, Camera(**LENS), {"shutter": ROLL}
@@ -185,6 +193,7 @@ SCENES = {
 def plan_of(small: Small) -> tuple[object, object, object]:
     """Exposure, motion and plan of a scene."""
     from mbinterval.flow import add_flow
+    from mbinterval.ids import add_hashes
     from mbinterval.motion import lay_out
     from mbinterval.plan import make_plan, roll_lines
     from mbinterval.scene.exposure import expose
@@ -198,6 +207,7 @@ def plan_of(small: Small) -> tuple[object, object, object]:
     lines = roll_lines(scene, *SIZE)
     exposure = expose(scene, 1.0, SIZE[0] / SIZE[1], settings.motion_segments, lines)
     motion = add_flow(lay_out(exposure, *SIZE), scene, exposure, settings, *SIZE)
+    motion = add_hashes(motion, scene, settings.aovs)
     sizes = {} if small.capacity is None else {"capacity": small.capacity}
     return exposure, motion, make_plan(exposure, motion, settings, *SIZE, (0, 0, *SIZE), **sizes)
 

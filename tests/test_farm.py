@@ -138,14 +138,16 @@ def test_frames_of_workers_are_those_of_one_machine(tmp_path, cluster, undisturb
 def test_a_frame_in_parts_is_the_same_frame(tmp_path, cluster):
     """With layers, a filter that reaches beyond a part's edge, a crop, and an uneven number."""
     more = ("--frames", "3", "--filter", "mitchell", "--pattern", "sobol")
-    more += ("--aovs", "sharp,depth,normal,forward,object", "--crop", "7,5,140,110")
+    more += ("--aovs", "sharp,depth,normal,forward,object,crypto_object", "--crop", "7,5,140,110")
+    more += ("--output", "a.####.exr,a.####.png,a.####.deep.exr,a.####.npz")
     for folder, options in ((tmp_path / "one", ()), (tmp_path / "parts", ("--parts", "3"))):
         folder.mkdir()
         where = ("--dask", cluster.address, "--log", "log.jsonl") if options else ()
         code, said = finish(start(folder, *more, *where, *options))
         assert code == 0, said
     assert images(tmp_path / "parts") == images(tmp_path / "one")
-    assert images(tmp_path / "one").keys() == {"a.0003.exr", "a.0003.png"}
+    endings = ("exr", "png", "deep.exr", "npz")
+    assert images(tmp_path / "one").keys() == {f"a.0003.{ending}" for ending in endings}
     line = (tmp_path / "parts" / "log.jsonl").read_text().splitlines()[1]
     assert json.loads(line)["device"].count(" at tcp://") == 2  # both workers had some
 

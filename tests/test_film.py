@@ -169,7 +169,7 @@ def test_pixels_that_are_not_finite_are_written_too(tmp_path, ending):
 
 def test_an_unknown_ending_is_a_usage_error(tmp_path):
     for name in ("a.tif", "a", "exr"):
-        with pytest.raises(UsageError, match=r"expected \.exr or \.png"):
+        with pytest.raises(UsageError, match=r"expected \.exr, \.png, \.npz or \.parquet"):
             make_film().write(tmp_path / name)
     assert not list(tmp_path.iterdir())
 

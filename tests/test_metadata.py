@@ -63,12 +63,18 @@ SAMPLED = ("cull", "cull_tile", "test", "shading_rate", "hybrid", "frameless", "
 def test_what_cannot_change_the_image_is_left_out():
     assert metadata(settings=Settings(tile_size=8)) == metadata(settings=Settings(tile_size=32))
     changed = Settings(
-        paths="triangulated", max_intervals=1, motion_segments=1, filter_radius=1.0, aovs="uv"
+        paths="triangulated",
+        max_intervals=1,
+        motion_segments=1,
+        filter_radius=1.0,
+        aovs="crypto_object,deep",
     )
     given = metadata(settings=changed)
     for setting in dataclasses.fields(Settings):
-        written = setting.name != "tile_size" and setting.name not in SAMPLED
+        written = setting.name not in ("tile_size", "event_steps", *SAMPLED)
         assert (f"settings.{setting.name}" in given) == written
+    of_aovs = {"aovs", "aov_time", "cryptomatte_levels", "deep_tolerance", "event_steps"}
+    assert not {f"settings.{name}" for name in of_aovs} & metadata(settings=Settings()).keys()
     sampled = metadata(settings=Settings(method="stochastic", cull="hull", statistics=True))
     assert sampled == metadata(settings=Settings(method="stochastic"))
     assert sampled["settings.pattern"] == "sobol"

@@ -12,7 +12,7 @@ from closed_forms import UNIT_CAMERA, rectangle, world
 from kernels import plan_of
 
 import mbinterval as mb
-from mbinterval.aovs import AOVS
+from mbinterval.aovs import AOVS, RECORDED
 from mbinterval.device.runtime import runtime
 from mbinterval.errors import KernelBuildError, UsageError
 from mbinterval.plan import Plan, check_crop
@@ -273,7 +273,8 @@ SEEN_THROUGH = dataclasses.replace(
     meshes=[*EVERYTHING.meshes, mesh(material=LEAF, uv=UV), mesh(material=FADING, **VERTEX_ALPHA)],
 )
 SHARP = {"aovs": "sharp"}
-SEE_THROUGHS = ("glass", "leaf", "everything, seen through")
+SEE_THROUGHS = ("glass", "leaf", "everything, seen through", "everything, recorded")
+CRYPTO = ("crypto_object", "deep")
 LAYERS = ("depth", "normal", "uv", "forward", "backward", "object", "material")
 BUILT = {
     "empty": (Scene(meshes=[], camera=UNIT_CAMERA), {}),
@@ -285,6 +286,10 @@ BUILT = {
     "glass": (Scene(meshes=[mesh(material=GLASS)], camera=UNIT_CAMERA), SHARP),
     "leaf": (Scene(meshes=[mesh(material=LEAF, uv=UV), mesh(False)], camera=UNIT_CAMERA), SHARP),
     "everything, seen through": (SEEN_THROUGH, SHARP),
+    "everything, recorded": (SEEN_THROUGH, {"aovs": RECORDED}),
+    "static, recorded": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {"aovs": CRYPTO}),
+    "empty, recorded": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": CRYPTO}),
+    "flat, recorded": (Scene(meshes=[mesh()], camera=UNIT_CAMERA), {"aovs": CRYPTO}),
     "everything, clear": (EVERYTHING, {"transparent": True, "samples": 1, "tile_size": 8}),
     "empty, with layers": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": LAYERS}),
     "static, with layers": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {"aovs": LAYERS}),

@@ -37,6 +37,9 @@ WRONG = {
     "slice_times": ["now", None],
     "statistics": [1, "all", None],
     "aovs": ["depht", ["uv", 1], 3, "uv;depth", {"uv": 1}],
+    "cryptomatte_levels": [0, 3, 22, 6.0, None, "6"],
+    "deep_tolerance": [0, -0.1, 1.5, None, "0.1", float("nan")],
+    "event_steps": [0, 4097, 16.0, None],
     "aov_time": [-0.1, 1.1, None, "0.5", True, float("nan")],
 }
 
@@ -92,6 +95,10 @@ def test_every_occlusion_is_taken(value):
             "has none",
         ),
         ({"aovs": "sharp", "occlusion": 64}, ("aovs", "occlusion"), "a mask does not tell"),
+        ({"aovs": "events", "occlusion": 64}, ("aovs", "occlusion"), "does not tell when"),
+        ({"aovs": "events", "paths": "triangulated"}, ("aovs", "paths"), "exact in time"),
+        ({"aovs": "deep", "filter": "five_point", "samples": 1}, ("aovs", "filter"), "shared"),
+        ({"aovs": "crypto_object", "filter": "mitchell"}, ("aovs", "filter"), "below 0"),
         ({"aovs": "operations", "paths": "triangulated"}, ("aovs", "paths"), "paths='exact'"),
     ],
 )

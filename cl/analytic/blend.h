@@ -23,6 +23,29 @@ static inline uint stack_size(global const Span *spans, uint count)
     return size;
 }
 
+// What each layer of a stack adds, for stage "record": in scratch that nothing else needs by now.
+static inline void clear_added(const Tile *tile, uint count)
+{
+#ifdef RECORDED
+    for (uint k = 0; k < count; k++) vstore4((float4)(0.0f), k, tile->ordering);
+#endif
+}
+
+static inline void keep_added(const Tile *tile, uint layer, float4 color)
+{
+#ifdef RECORDED
+    vstore4(vload4(layer, tile->ordering) + color, layer, tile->ordering);
+#endif
+}
+
+static inline void scale_added(const Tile *tile, uint count, float by)
+{
+#ifdef RECORDED
+    for (uint k = 0; k < count; k++)
+        vstore4(by * vload4(k, tile->ordering), k, tile->ordering);
+#endif
+}
+
 static inline float alpha_of(const Tile *tile, Span span)
 {
     return tile->scene.paths[span.source].alpha;
@@ -85,12 +108,14 @@ static Blended blend_over_time(const Tile *tile, int sample, global const Span *
                                     lanes_sum(part * here.z));
             float seen = lanes_sum(part);
             sum.color += (float4)(color, seen);
+            keep_added(tile, i, (float4)(color, seen));
             sum.depth += seen * middle_depth(tile, span, place);
             rest -= part;
             left = lanes_sum(rest);
         }
     }
     if (total > 0.0f) sum.color /= total, sum.depth /= total;
+    if (total > 0.0f) scale_added(tile, count, 1.0f / total);
     return sum;
 }
 
@@ -100,6 +125,7 @@ static Blended blend_over_time(const Tile *tile, int sample, global const Span *
 static Blended blend_stack(const Tile *tile, int sample, global const Span *spans, uint count,
                            float2 times, Place place, float2 window)
 {
+    clear_added(tile, count);
 #ifdef ALPHA_VARIES
     if (alpha_varies(tile, spans, count))
         return blend_over_time(tile, sample, spans, count, times, place, window);
@@ -112,6 +138,7 @@ static Blended blend_stack(const Tile *tile, int sample, global const Span *span
         float alpha = alpha_of(tile, span);
         float3 color = span_color(tile, sample, span, place, window);
         sum.color += rest * alpha * (float4)(color, 1.0f);
+        keep_added(tile, i, rest * alpha * (float4)(color, 1.0f));
         sum.depth += rest * alpha * middle_depth(tile, span, place);
         rest *= 1.0f - alpha;
     }

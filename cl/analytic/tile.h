@@ -11,7 +11,9 @@
 // BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie
 // differently in every pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED,
 // SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS, TRANSLUCENT (what is seen through),
-// ALPHA_VARIES (over a surface), VERTEX_ALPHA; AOV_TIME and the layers of aov.h.
+// ALPHA_VARIES (over a surface), VERTEX_ALPHA; AOV_TIME and the layers of aov.h; RECORDED (spans
+// for the host), RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the shutter that
+// have a colour of their own).
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
@@ -92,6 +94,13 @@ typedef struct {
 #ifdef AOV_OPERATIONS
     global uint *tested;         // paths that each sample was tested against
     global uint *operations;     // per pixel
+#endif
+#ifdef RECORDED
+    global Event *events;        // pool of all work-items
+    global uint *event_count;    // that room was asked for so far
+    global uint *event_end;      // of those that found room
+    uint event_capacity;
+    bool events_full;            // some of the tile's found no room
 #endif
 } Tile;
 

@@ -188,6 +188,21 @@ typedef struct {
     uint source;  // exact paths: the path; triangulated ones: index into the pool `sorted`
 } Span;
 
+// A visible span as the host gets it, with what it adds to its pixel.
+typedef struct {
+    uint pixel;     // of the region, row by row
+    uint sample;    // of the pixel, with EVENT_*
+    uint path;
+    float t0, t1;   // in the exposure of the pixel's line
+    float weight;   // share of the pixel's light, by filter and shutter
+    float share;    // of the sample in its pixel
+    float z0, z1;   // depth at t0 and at t1
+    float color[4]; // average of what it adds: premultiplied with alpha, which is last
+} Event;
+
+#define EVENT_WHOLE 0x80000000u // events of its parts follow
+#define EVENT_PART 0x40000000u
+
 // A run of records that belongs to one sample.
 typedef struct {
     uint start, count;

@@ -56,6 +56,12 @@ INTERVAL = np.dtype(
 )
 FRONT = np.dtype([(name, "f4") for name in ("t0", "t1", "near", "far")] + [("path", "u4")])
 SPAN = np.dtype([("t0", "f4"), ("t1", "f4"), ("weight", "f4"), ("source", "u4")])
+EVENT = np.dtype(
+    [("pixel", "u4"), ("sample", "u4"), ("path", "u4"), ("t0", "f4"), ("t1", "f4")]
+    + [("weight", "f4"), ("share", "f4"), ("z0", "f4"), ("z1", "f4"), ("color", "f4", 4)]
+)
+EVENT_WHOLE, EVENT_PART = 1 << 31, 1 << 30
+"""Bits of an event's sample: parts of it follow, and it is such a part."""
 SORTING = np.dtype(("V", 4 * 9))
 """Scratch of the sort for one interval: nine words, in nine arrays (``SORT_ARRAYS``)."""
 ORDERING = np.dtype(("V", 4 * 5))
@@ -91,6 +97,7 @@ BY_NAME = {
     "Interval": INTERVAL,
     "Front": FRONT,
     "Span": SPAN,
+    "Event": EVENT,
     "Run": RUN,
 }
 """Every record by its name in ``records.h``."""
