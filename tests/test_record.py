@@ -133,18 +133,18 @@ def test_pools_tiles_and_crops_of_any_size_give_the_same(monkeypatch, caplog):
 
 
 def test_a_pool_that_cannot_grow_is_used_again_and_a_tile_that_has_no_room_is_refused(monkeypatch):
-    want = film(seen_through(), **WHOLE)
+    most = len(film(seen_through(), **WHOLE).events)  # of all tiles together; one has less
+    want = film(seen_through(), **NO_TIMES)
     monkeypatch.setattr(record, "memory_room", lambda work, besides=(): 0)
-    most = len(want.events)  # all tiles together; one has less
     monkeypatch.setattr(record, "_LEAST", most // 2)
     monkeypatch.setattr(record, "_MOST", most // 2)
-    assert everything(film(seen_through(), **WHOLE)) == everything(want)
+    assert everything(film(seen_through(), **NO_TIMES)) == everything(want)
     monkeypatch.setattr(record, "_LEAST", 16)
     monkeypatch.setattr(record, "_MOST", 16)
     with pytest.raises(
         CapacityError, match=r"spans of a tile .* crypto_object, .* smaller tile_size"
     ):
-        film(seen_through(), **WHOLE)
+        film(seen_through(), **NO_TIMES)
 
 
 def test_events_beyond_the_memory_that_is_allowed_are_refused_with_what_they_take():
