@@ -15,6 +15,8 @@ from mbinterval.scene.model import Light, Material, Texture
 DEFAULT_MATERIAL = Material()
 
 Float32 = NDArray[np.float32]
+_LEAST_FADE = 1e-3
+"""Least difference of the cosines of a cone's angles, as KHR_lights_punctual has it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +157,18 @@ def _light_table(lights: Sequence[Light], origin: NDArray[np.float64]) -> NDArra
     for row, light in zip(table, lights, strict=True):
         row["color"] = np.asarray(light.color) * light.intensity
         row["kind"] = records.LIGHT_KIND[light.kind]
-        if light.kind == "point":
+        if light.kind in ("point", "spot"):
             row["vector"] = np.asarray(light.position) - origin
         elif light.kind == "directional":
-            direction = np.asarray(light.direction)
-            row["vector"] = -direction / np.linalg.norm(direction)
+            row["vector"] = _back_along(light)
+        if light.kind == "spot":
+            inner, outer = np.cos(np.radians([light.inner_angle, light.outer_angle]))
+            row["axis"] = _back_along(light)
+            row["cone"] = np.array([1.0, -outer]) / max(inner - outer, _LEAST_FADE)
     return table
+
+
+def _back_along(light: Light) -> NDArray[np.float64]:
+    """Return the unit vector against the way that light travels."""
+    direction = np.asarray(light.direction, np.float64)
+    return np.asarray(-direction / np.linalg.norm(direction))

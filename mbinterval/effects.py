@@ -135,11 +135,16 @@ def _shading(exposure: Exposure, motion: Motion) -> tuple[Effect, ...]:
     phong = [m.name for m in motion.materials if m.shading == "phong"]
     textured = [m.name for m in motion.materials if m.texture is not None]
     colored = [m.mesh.name for m in exposure.meshes if m.color is not None]
-    points = sum(light.kind == "point" for light in exposure.lights)
-    lamps = f"{points} point lights" if phong or not points else "nothing reflects them"
+    kinds = [light.kind for light in exposure.lights]
+    spots = kinds.count("spot")
+    points = kinds.count("point") + spots
+    unlit = "nothing reflects them"
+    lamps = f"{points} point lights" if phong or not points else unlit
+    cones = f"{spots} spot lights" if phong or not spots else unlit
     return (
         Effect("phong shading", bool(phong), _named("material", phong), "PHONG"),
         Effect("point lights", bool(phong) and points > 0, lamps, "POINT_LIGHTS"),
+        Effect("spot lights", bool(phong) and spots > 0, cones, "SPOT_LIGHTS"),
         Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
         Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
     )

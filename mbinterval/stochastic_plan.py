@@ -23,7 +23,8 @@ SLABS = 64
 """Samples of a pixel that a tile works on at a time: their arrays stay in the cache of one core."""
 
 _SHARED = frozenset(
-    ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "POINT_LIGHTS", "TEXTURED", "VERTEX_COLOR")
+    ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "POINT_LIGHTS", "SPOT_LIGHTS", "TEXTURED")
+    + ("VERTEX_COLOR",)
     + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA")
     + ("FACE_COLOR", "BACKGROUND_IMAGE", "TRANSPARENT", "WEIGHTED", "ROLLING", "ROLLING_COLUMNS")
     + ("",)

@@ -230,13 +230,15 @@ def test_a_layer_that_is_not_asked_for_leaves_no_code_no_buffer_and_no_stage(nam
 def test_point_lights_are_called_for_by_lit_materials_under_them():
     clay = mesh(material=Material("clay"))
     for lights, meshes, called_for in (
-        ([Light("point")], [clay], True),
-        ([Light("directional")], [clay], False),
-        ([Light("point")], [mesh()], False),
+        ([Light("point")], [clay], ["POINT"]),
+        ([Light("spot")], [clay], ["POINT", "SPOT"]),
+        ([Light("directional")], [clay], []),
+        ([Light("point"), Light("spot")], [mesh()], []),
     ):
         planned = plan(scene=Scene(meshes=meshes, camera=UNIT_CAMERA, lights=lights))
-        assert ("point lights" in active(planned)) == called_for
-        assert ("-DPOINT_LIGHTS" in planned.options) == called_for
+        for kind in ("POINT", "SPOT"):
+            assert (f"{kind.lower()} lights" in active(planned)) == (kind in called_for)
+            assert (f"-D{kind}_LIGHTS" in planned.options) == (kind in called_for)
 
 
 def test_plans_are_values():

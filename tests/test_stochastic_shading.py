@@ -13,6 +13,7 @@ from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
 SIZE = (48, 32)
 PICTURE = Texture(np.random.default_rng(1).uniform(0, 1, (8, 8, 3)))
 LIGHTS = (Light("ambient", intensity=0.2), Light("point", position=(0.5, 0.5, -0.5)),
+          Light("spot", position=(0.5, 0.5, -0.5), direction=(-0.4, 0, -1), outer_angle=25.0),
           Light("directional", direction=(0.3, -1.0, -1.0)))  # fmt: skip
 
 

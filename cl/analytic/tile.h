@@ -7,7 +7,7 @@
 //
 // The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
 // time), MASK_BITS, TEXTURE_SAMPLES, and a macro for each effect that the scene calls for: MOVING,
-// EXACT, STATIC, SINGLE_SIDED, PHONG, POINT_LIGHTS, TEXTURED, VERTEX_COLOR,
+// EXACT, STATIC, SINGLE_SIDED, PHONG, POINT_LIGHTS, SPOT_LIGHTS, TEXTURED, VERTEX_COLOR,
 // BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie
 // differently in every pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED,
 // SHUTTER_CURVE (its number of keys), ROLLING, ROLLING_COLUMNS, TRANSLUCENT (what is seen through),

@@ -99,11 +99,15 @@ typedef struct {
     float vector[3]; // direction towards the light, normalized, or its position, relative to the
                      // eye at the shutter's opening
     uint unused;
+    float axis[3];   // from what a spot light shines on back to it, normalized
+    float cone[2];   // it fades with the square of cosine * cone[0] + cone[1], clamped to [0, 1]
+    uint unused2[3];
 } Light;
 
 #define LIGHT_AMBIENT 0u
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_POINT 2u
+#define LIGHT_SPOT 3u
 
 // What a path's shape says about all samples. Computed by paths.cl once a frame.
 // A sample (X, Y) can only be covered where a[i] X + b[i] Y + c[i] >= 0 for all i < planes.

@@ -35,7 +35,10 @@ TEXTURE = np.dtype(
     [("texel", "u4"), ("width", "u4"), ("height", "u4"), ("levels", "u4")]
     + [("wrap", "u4"), ("unused", "u4", 3)]
 )
-LIGHT = np.dtype([("color", "f4", 3), ("kind", "u4"), ("vector", "f4", 3), ("unused", "u4")])
+LIGHT = np.dtype(
+    [("color", "f4", 3), ("kind", "u4"), ("vector", "f4", 3), ("unused", "u4")]
+    + [("axis", "f4", 3), ("cone", "f4", 2), ("unused2", "u4", 3)]
+)
 SHAPE = np.dtype(
     [("c", "f8", _MAX_PLANES), ("a", "f4", _MAX_PLANES), ("b", "f4", _MAX_PLANES)]
     + [("y_min", "f4"), ("y_max", "f4"), ("facing", "f4", 4), ("crossing", "f4", 6)]
@@ -67,7 +70,7 @@ NONE = 0xFFFFFFFF
 
 MATERIAL_PHONG, MATERIAL_SINGLE_SIDED, MATERIAL_MASK = 1, 2, 4
 WRAP = {"repeat": 0, "clamp": 1, "mirror": 2}
-LIGHT_KIND = {"ambient": 0, "directional": 1, "point": 2}
+LIGHT_KIND = {"ambient": 0, "directional": 1, "point": 2, "spot": 3}
 PART_BITS = 4
 MOST_PATHS = (1 << (32 - PART_BITS)) - 1
 """Most motion paths, and most vertices, that one exposure may have: indices have 32 bits."""
