@@ -1,7 +1,7 @@
 """The analytic path: visibility solved as time intervals.
 
     exact:        paths -> bin -> [place -> nearest -> solve -> envelope (or mask, or stack)
-                                   -> shade -> moment -> resolve] -> share
+                                   -> shadow -> shade -> moment -> resolve] -> share
     triangulated: paths -> bin -> [place -> nearest -> rasterize -> intervals -> sort -> occlude
                                    -> shade -> moment -> resolve] -> share     (Hong & Oh 2017)
 
@@ -25,6 +25,7 @@ from mbinterval.motion import Motion
 from mbinterval.plan import Plan
 from mbinterval.sampling import reach_of
 from mbinterval.scene.exposure import Exposure
+from mbinterval.shadows import prepare_shadows
 from mbinterval.tiles import render_tiles
 from mbinterval.work import (
     Pixels,
@@ -52,6 +53,8 @@ def render_analytic(
     work = Work(runtime, plan, upload_scene(runtime, exposure, motion, plan), exposure)
     _run_paths(work, motion)
     listed = _run_bin(work, motion)
+    if "shadow" in plan.stages:
+        prepare_shadows(work, motion)
     stats = render_tiles(work, listed, progress)
     if "share" in plan.stages:
         work.timings["share"] = 0.0

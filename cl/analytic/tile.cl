@@ -4,7 +4,7 @@
 //     triangulated: place -> nearest -> rasterize -> intervals -> sort -> occlude
 //                   -> shade -> moment -> resolve
 //     exact:        place -> nearest -> solve -> envelope -> shade -> moment -> resolve,
-//                   with mask or stack for envelope
+//                   with mask or stack for envelope, and shadow before shade
 //
 // Stages between nearest and shade exist only where something moves, place only where samples lie
 // differently in every pixel, moment only where its layers are asked for. Nothing is lost when a
@@ -32,6 +32,9 @@
 #include "analytic/sort.cl"
 #include "analytic/occlude.cl"
 #endif
+#ifdef SHADOWS
+#include "analytic/shadow.cl"
+#endif
 #include "analytic/shade.cl"
 #ifdef MOMENTARY
 #include "analytic/moment.cl"
@@ -39,8 +42,8 @@
 #include "analytic/resolve.cl"
 
 // What a work-item counts: ticks of each stage, and pairs that were tested and hit.
-enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, STACK, SHADE,
-       MOMENT, RESOLVE, TESTS, HITS,
+enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, STACK, SHADOW,
+       SHADE, MOMENT, RESOLVE, TESTS, HITS,
        COUNTERS };
 
 #ifdef CLANG_BUILTINS
@@ -83,13 +86,22 @@ static bool render_piece(Tile *tile, global ulong *ticks)
     if (!clocked(sort(tile), SORT, ticks, &clock)) return false;
     if (!clocked(occlude(tile), OCCLUDE, ticks, &clock)) return false;
 #endif
+#ifdef SHADOWS
+    if (!clocked(shadow(tile), SHADOW, ticks, &clock)) return false;
+#endif
     return clocked(shade(tile), SHADE, ticks, &clock);
 }
 
 // Records of the fullest of the pools that grow with a piece.
 static inline uint fullest_pool(const Tile *tile)
 {
-#if !defined(MOVING)
+#if defined(SHADOWS)
+    uint most = max(tile->span_count, tile->shadows.step_count);
+#ifdef MOVING
+    most = max(most, tile->visit_count);
+#endif
+    return most;
+#elif !defined(MOVING)
     return 0u;
 #elif defined(EXACT)
     return max(tile->visit_count, tile->span_count);
@@ -194,6 +206,12 @@ kernel void tile(
     global Fragment *fragments, global Interval *interval_pool, global float *sorting,
     global Interval *sorted,
 #endif
+#ifdef SHADOWS
+    global const Vertex *world, global const ShadowLight *shadow_lights,
+    global const LightView *light_views, global const uint *light_starts,
+    global const uint *light_members, global const float *light_nears, global uint *stamps,
+    uint path_count, global Step *steps,
+#endif
     global Span *spans, TileGrid grid, Frame frame)
 {
     uint worker = get_global_id(0);
@@ -259,6 +277,11 @@ kernel void tile(
 #endif
 #ifdef EXACT
     tile.depths = depths;
+#endif
+#ifdef SHADOWS
+    Shadows shadows = {world, shadow_lights, light_views, light_starts, light_members, light_nears,
+                       stamps + (size_t)worker * path_count, 0u, steps + pool, 0u};
+    tile.shadows = shadows;
 #endif
     tile.scene = scene;
     counters += worker * COUNTERS;

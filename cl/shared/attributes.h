@@ -36,6 +36,9 @@ typedef struct {
 #ifdef VERTEX_ALPHA
     Lanes alpha;
 #endif
+#ifdef SHADOWS
+    Lanes lit[SHADOWS]; // shares of the light of those that cast shadows
+#endif
 } Attributes;
 
 static inline uint corner_vertex(Path path, int corner)
@@ -204,6 +207,9 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
         normal = lanes_scaled(normal, lanes_dot(normal, view) < 0.0f ? (Lanes)(-1.0f)
                                                                       : (Lanes)(1.0f));
     return phong(&s->material, color, position, normal, view, scene->lights,
+#ifdef SHADOWS
+                 a->lit,
+#endif
                  scene->light_count);
 }
 #endif

@@ -132,7 +132,11 @@ static inline Lanes lanes_power(Lanes x, float y)
 
 // Phong (1975): colour seen from `view` (towards the eye) of points with unit normals.
 static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lanes3 normal,
-                    Lanes3 view, global const Light *lights, uint light_count)
+                    Lanes3 view, global const Light *lights,
+#ifdef SHADOWS
+                    const Lanes *lit,
+#endif
+                    uint light_count)
 {
     Lanes3 sum = {0.0f, 0.0f, 0.0f};
     const float *specular = material->specular;
@@ -162,6 +166,9 @@ static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lan
             cone = lanes_min(lanes_max(cone, (Lanes)(0.0f)), (Lanes)(1.0f));
             strength *= cone * cone;
         }
+#endif
+#ifdef SHADOWS
+        if (light.shadow != NONE) strength *= lit[light.shadow];
 #endif
         Lanes cosine = lanes_dot(normal, towards);
         cosine = cosine > 0.0f ? cosine : (Lanes)(0.0f);

@@ -36,8 +36,8 @@ TEXTURE = np.dtype(
     + [("wrap", "u4"), ("unused", "u4", 3)]
 )
 LIGHT = np.dtype(
-    [("color", "f4", 3), ("kind", "u4"), ("vector", "f4", 3), ("unused", "u4")]
-    + [("axis", "f4", 3), ("cone", "f4", 2), ("unused2", "u4", 3)]
+    [("color", "f4", 3), ("kind", "u4"), ("vector", "f4", 3), ("shadow", "u4")]
+    + [("axis", "f4", 3), ("cone", "f4", 2), ("unused", "u4", 3)]
 )
 SHAPE = np.dtype(
     [("c", "f8", _MAX_PLANES), ("a", "f4", _MAX_PLANES), ("b", "f4", _MAX_PLANES)]
@@ -59,6 +59,18 @@ INTERVAL = np.dtype(
 )
 FRONT = np.dtype([(name, "f4") for name in ("t0", "t1", "near", "far")] + [("path", "u4")])
 SPAN = np.dtype([("t0", "f4"), ("t1", "f4"), ("weight", "f4"), ("source", "u4")])
+SHADED_SPAN = np.dtype([*((name, SPAN[name]) for name in SPAN.names or ()), ("steps", "u4")])
+"""A span where lights cast shadows (``SHADOWS``)."""
+STEP = np.dtype([("t", "f4"), ("passed", "f4")])
+SHADOW_LIGHT = np.dtype(
+    [("vector", "f8", 3), ("origin", "f8", 3)]
+    + [(name, "u4") for name in ("finite", "view", "views", "unused")]
+)
+LIGHT_VIEW = np.dtype(
+    [("matrix", "f8", 16), ("size", "u4"), ("starts", "u4"), ("paths", "u4"), ("texel", "f4")]
+)
+VIEW_RAYS = np.dtype([("from", "f8", 9), ("way", "f8", 9), ("depth", "f8")])
+TREE_NODE = np.dtype([("low", "f4", 3), ("high", "f4", 3), ("open", "f4"), ("close", "f4")])
 SORTING = np.dtype(("V", 4 * 9))
 """Scratch of the sort for one interval: nine words, in nine arrays (``SORT_ARRAYS``)."""
 ORDERING = np.dtype(("V", 4 * 5))
@@ -94,6 +106,11 @@ BY_NAME = {
     "Interval": INTERVAL,
     "Front": FRONT,
     "Span": SPAN,
+    "Step": STEP,
+    "ShadowLight": SHADOW_LIGHT,
+    "LightView": LIGHT_VIEW,
+    "ViewRays": VIEW_RAYS,
+    "TreeNode": TREE_NODE,
     "Run": RUN,
 }
 """Every record by its name in ``records.h``."""

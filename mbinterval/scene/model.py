@@ -141,6 +141,9 @@ class Light:
     none beyond ``outer_angle``, both in degrees, ``0 <= inner_angle < outer_angle <= 90``. Between
     them it fades with the square of (cos(angle) - cos(outer)) / (cos(inner) - cos(outer)), as
     glTF's KHR_lights_punctual proposes.
+
+    With ``shadows`` surfaces hide it from each other; `Settings.shadows` can decide for all lights.
+    Ambient light has no shadows.
     """
 
     kind: str
@@ -151,6 +154,7 @@ class Light:
     transform: Placement | None = None
     inner_angle: float = 0.0
     outer_angle: float = 45.0
+    shadows: bool = False
 
     def __post_init__(self) -> None:
         kind = checks.choice(self.kind, LIGHT_KINDS, "light: kind")
@@ -173,6 +177,7 @@ class Light:
             position=checks.vector(self.position, "light: position"),
             inner_angle=inner,
             outer_angle=outer,
+            shadows=checks.flag(self.shadows, "light: shadows"),
         )
         if self.transform is not None:
             check_place(self.transform, "light: transform")

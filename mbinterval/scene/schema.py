@@ -234,6 +234,7 @@ class LightTable(Table):
     position: Vec3 | None = None
     inner_angle: NotNegative | None = None
     outer_angle: Annotated[float, Field(gt=0, le=90)] | None = None
+    shadows: bool | None = None
 
 
 class MaterialTable(Table):
