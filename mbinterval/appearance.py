@@ -59,7 +59,7 @@ def appearance(
 
 def casting(exposure: Exposure, settings: Settings) -> tuple[int, ...]:
     """Return the places of the lights that cast shadows, among the exposure's lights."""
-    if settings.shadows == "none":
+    if settings.shadows == "off":
         return ()
     return tuple(
         index

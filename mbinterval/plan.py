@@ -96,7 +96,7 @@ def make_plan(
             "alpha_mode='opaque'"
         )
     if "SHADOWS" in active and settings.paths != "exact":
-        raise UsageError("shadows need paths='exact'; use that, or shadows='none'")
+        raise UsageError("shadows need paths='exact'; use that, or shadows='off'")
     if exposure.roll is not None and set(FLOWS) & set(settings.aovs):
         raise UsageError(
             "aovs: forward and backward need all lines of a frame at one time, but the shutter "

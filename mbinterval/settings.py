@@ -54,7 +54,7 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
     "test": ("vertices", "edges"),
     "shading_rate": ("sample", "pixel"),
     "slice_times": ("uniform", "jittered", "stochastic"),
-    "shadows": ("lights", "all", "none"),
+    "shadows": ("lights", "all", "off"),
 }
 _RANGES = {
     "samples": (1, 4096),
@@ -126,8 +126,8 @@ class Settings:
         How far from their true place, in pixels, the linear motion of segments may take points
         of a mesh; without effect where ``motion_segments`` are given.
     shadows
-        ``"lights"``: those lights cast shadows that say so; or ``"all"`` (but ambient ones), or
-        ``"none"``.
+        ``"lights"``: those lights cast shadows that say so. ``"all"``: all but ambient ones do.
+        ``"off"``: none does.
     seed
         Seed of every pseudo-random choice.
     transparent

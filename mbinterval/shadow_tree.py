@@ -65,7 +65,9 @@ def tree_of(
     ends = np.array([places[corner] for corner in corners]).reshape(6, len(paths), 3)
     low, high = ends.min(axis=0), ends.max(axis=0)
     order = np.argsort(_morton(0.5 * (low + high)), kind="stable").astype(np.uint32)
-    count = max(1, 1 << int(np.ceil(np.log2(max(len(paths), 1) / _LEAF_PATHS))))
+    count = 1
+    while count * _LEAF_PATHS < len(paths):
+        count *= 2
     leaves = np.full(count * _LEAF_PATHS, records.NONE, np.uint32)
     leaves[: len(paths)] = order
     slots = np.full((len(leaves), 8), [*[np.inf] * 3, *[-np.inf] * 3, np.inf, -np.inf], np.float32)

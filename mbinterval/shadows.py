@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mbinterval.appearance import casting
 from mbinterval.device import records
 from mbinterval.device.runtime import seconds
-from mbinterval.work import Lists, Work
+from mbinterval.work import Lists, Work, check_members
 
 if TYPE_CHECKING:
     from mbinterval.motion import Motion
@@ -30,6 +30,7 @@ _WIDEST_CONE = 60.0
 _SIZES = (256, 8)  # of a view in tiles along its edge, at most and at least
 _MEMBERS = 1 << 22  # paths that the tiles of a view list together, more or less
 _MARGIN = 1.001  # of a view beyond what it is for
+_ROUNDING = 1e-3  # of a tile: more than planes in float32 are wrong by
 _PATHS_PER_ITEM = 256
 
 
@@ -120,7 +121,7 @@ def prepare_shadows(work: Work, motion: Motion) -> None:
     """Make the buffers that the stage "shadow" reads; stages "paths" and "bin" take longer by it.
 
     ``world`` has the vertices, ``shadow_lights`` and ``light_views`` what casts shadows and how it
-    sees the scene, ``light_starts``, ``light_members`` and ``light_nears`` what it sees.
+    sees the scene, ``light_starts``, ``light_members`` and ``outlines`` what it sees.
     """
     exposure = work.exposure
     origin = np.asarray(exposure.cameras[0].eye[0])
@@ -131,16 +132,17 @@ def prepare_shadows(work: Work, motion: Motion) -> None:
     table = np.zeros(len(flat), records.LIGHT_VIEW)
     starts: list[NDArray[np.uint32]] = []
     members: list[NDArray[np.uint32]] = []
-    nears: list[NDArray[np.float32]] = []
+    outlines: list[NDArray[np.void]] = []
     listed = first = 0
     for row, (view, found) in zip(table, _listed(work, motion, places, flat), strict=True):
         row["matrix"] = scaled(view, found.size)
         row["size"], row["starts"] = found.size, first
-        row["paths"] = len(nears) * len(motion.paths)
+        row["paths"] = len(outlines) * len(motion.paths)
         starts.append(found.starts + np.uint32(listed))
         members.append(found.members)
-        nears.append(found.nears)
+        outlines.append(found.outlines)
         listed += len(found.members)
+        check_members(work, 4 * listed)
         first += len(found.starts)
     arrays = {
         "world": world_vertices(places),
@@ -148,7 +150,7 @@ def prepare_shadows(work: Work, motion: Motion) -> None:
         "light_views": table,
         "light_starts": _joined(starts, np.uint32),
         "light_members": _joined(members, np.uint32),
-        "light_nears": _joined(nears, np.float32),
+        "outlines": _joined(outlines, records.OUTLINE),
     }
     for name, array in arrays.items():
         work.buffers[name] = work.runtime.upload(array, name)
@@ -178,12 +180,12 @@ def light_table(lights: list[Light], seen: list[list[View]], origin: Float64) ->
 
 @dataclass(frozen=True, eq=False)
 class _Listed:
-    """Paths by tile of a view of ``size`` tiles by ``size``, and the least depth of each path."""
+    """Paths by tile of a view of ``size`` tiles by ``size``, and where each path may be seen."""
 
     size: int
     starts: NDArray[np.uint32]
     members: NDArray[np.uint32]
-    nears: NDArray[np.float32]
+    outlines: NDArray[np.void]
 
 
 def _listed(
@@ -196,13 +198,31 @@ def _listed(
         seen = places @ view.matrix[:, :3].T + view.matrix[:, 3]
         nears = _least_depths(seen[:, 3], motion)
         order = work.runtime.upload(np.argsort(nears, kind="stable").astype(np.uint32), "order")
-        size = _SIZES[0]
-        while True:
+        size, found = _first_size(len(motion.paths)), None
+        while found is None:
             found = _list_view(work, motion, seen, size, materials, order)
-            if found is not None:
-                yield view, _Listed(size, *found, nears)
-                break
-            size //= 2
+            size = size if found is not None else size // 2
+        starts, members, shapes = found
+        yield view, _Listed(size, starts, members, _outlines(shapes, nears))
+
+
+def _first_size(paths: int) -> int:
+    """Tiles along the edge of a view: some for each path, if these were spread out."""
+    size = _SIZES[1]
+    while size < _SIZES[0] and size * size < 16 * paths:
+        size *= 2
+    return size
+
+
+def _outlines(shapes: NDArray[np.void], nears: NDArray[np.float32]) -> NDArray[np.void]:
+    """Planes of shapes, and more that are no bounds to fill them up."""
+    outlines = np.zeros(len(shapes), records.OUTLINE)
+    there = np.arange(shapes["a"].shape[1]) < shapes["planes"][:, None]
+    for name, without in zip("abc", (0.0, 0.0, 1.0), strict=True):
+        outlines[name] = np.where(there, shapes[name], without)
+    outlines["c"] += _ROUNDING * there
+    outlines["near"] = nears
+    return outlines
 
 
 def _least_depths(depth: Float64, motion: Motion) -> NDArray[np.float32]:
@@ -215,8 +235,8 @@ def _least_depths(depth: Float64, motion: Motion) -> NDArray[np.float32]:
 
 def _list_view(
     work: Work, motion: Motion, seen: Float64, size: int, materials: Any, order: Any
-) -> tuple[NDArray[np.uint32], NDArray[np.uint32]] | None:
-    """Return starts and members of the tiles, or None if they are too many for this ``size``."""
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.void]] | None:
+    """Return starts and members of the tiles, and shapes; None if members are too many."""
     runtime, buffers, count = work.runtime, work.buffers, len(motion.paths)
     vertices = runtime.upload(world_vertices(seen[:, :3] * [size, size, 1.0]), "vertices")
     shapes = runtime.allocate(count * records.SHAPE.itemsize, "shapes")
@@ -236,7 +256,7 @@ def _list_view(
         return None
     members = runtime.download(lists.file(), (total,), np.uint32)
     work.timings["bin"] += lists.seconds()
-    return lists.starts, members
+    return lists.starts, members, runtime.download(shapes, (count,), records.SHAPE)
 
 
 def _joined(arrays: list[NDArray[Any]], dtype: Any) -> NDArray[Any]:

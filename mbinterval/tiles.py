@@ -41,7 +41,7 @@ _ARGUMENTS = (
 )
 _LAYERS = ("sharp", "planes", "forward", "backward")  # those that are asked for
 _SHADOWS = (
-    *("world", "shadow_lights", "light_views", "light_starts", "light_members", "light_nears"),
+    *("world", "shadow_lights", "light_views", "light_starts", "light_members", "outlines"),
     *("stamps", "path_count"),
 )
 _EXACT_POOLS = {

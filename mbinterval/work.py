@@ -195,7 +195,7 @@ def list_paths(
         raise CapacityError(
             f"the {len(starts) - 1} tiles list 2**32 paths or more; render in crops{larger}"
         )
-    _check_members(work, 4 * int(starts[-1]))
+    check_members(work, 4 * int(starts[-1]))
     work.buffers["starts"], work.buffers["members"] = lists.places, lists.file()
     work.timings["bin"] = lists.seconds()
     return np.asarray(np.diff(starts.astype(np.int64)))
@@ -226,7 +226,7 @@ def memory_room(work: Work, besides: Container[str] = ()) -> int:
     return int(min(room, work.plan.memory - used - film_bytes(work.plan)))
 
 
-def _check_members(work: Work, size: int) -> None:
+def check_members(work: Work, size: int) -> None:
     """Refuse lists of paths by tile, of ``size`` bytes, that the plan's memory has no room for."""
     if work.plan.memory is None or size <= memory_room(work):
         return

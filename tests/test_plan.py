@@ -186,6 +186,23 @@ def test_what_is_opaque_leaves_no_code_of_transparency():
     )  # fmt: skip
 
 
+def test_lights_without_shadows_leave_no_code_of_them():
+    """The host has no buffers for them either: they are arguments of the kernel."""
+    names = ("ShadowLight", "LightView", "light_along", "caster_functions", "shadow_lights")
+    clay = [mesh(material=Material("clay")), mesh(False, material=Material("clay"))]
+    for casts, chosen in ((False, "lights"), (True, "off")):
+        lights = [Light("directional", shadows=casts), Light("spot", shadows=casts)]
+        of = Scene(meshes=clay, camera=UNIT_CAMERA, lights=lights)
+        assert builds_without(plan(scene=of, shadows=chosen), names, "shared/records.h")
+        assert not builds_without(plan(scene=of, shadows="all"), names, "shared/records.h")
+    plain = plan(scene=Scene(meshes=clay, camera=UNIT_CAMERA, lights=[Light("directional")]))
+    assert not [option for option in plain.options if "SHADOW" in option]
+    assert "shadow" not in plain.stages
+    ambient = [Light("ambient", shadows=True)]
+    none = plan(scene=Scene(meshes=clay, camera=UNIT_CAMERA, lights=ambient), shadows="all")
+    assert "shadows" not in active(none)
+
+
 def test_what_is_translucent_has_the_stage_of_stacks_and_only_the_code_that_it_needs():
     planned = plan(mesh(material=GLASS))
     assert planned.stages == ("paths", "bin", "solve", "stack", "shade", "resolve")
@@ -275,7 +292,11 @@ SEEN_THROUGH = dataclasses.replace(
     meshes=[*EVERYTHING.meshes, mesh(material=LEAF, uv=UV), mesh(material=FADING, **VERTEX_ALPHA)],
 )
 SHARP = {"aovs": "sharp"}
-SEE_THROUGHS = ("glass", "leaf", "everything, seen through")
+ONLY_EXACT = (
+    *("glass", "leaf", "everything, seen through"),
+    *("shaded", "shaded, at rest", "shaded, seen through"),
+)
+LAMPS = [Light("point", shadows=True), Light("directional", shadows=True)]
 LAYERS = ("depth", "normal", "uv", "forward", "backward", "object", "material")
 BUILT = {
     "empty": (Scene(meshes=[], camera=UNIT_CAMERA), {}),
@@ -287,6 +308,12 @@ BUILT = {
     "glass": (Scene(meshes=[mesh(material=GLASS)], camera=UNIT_CAMERA), SHARP),
     "leaf": (Scene(meshes=[mesh(material=LEAF, uv=UV), mesh(False)], camera=UNIT_CAMERA), SHARP),
     "everything, seen through": (SEEN_THROUGH, SHARP),
+    "shaded": (dataclasses.replace(EVERYTHING, lights=LAMPS), SHARP),
+    "shaded, at rest": (
+        Scene(meshes=[mesh(False, material=Material())], camera=UNIT_CAMERA, lights=LAMPS),
+        {},
+    ),
+    "shaded, seen through": (dataclasses.replace(SEEN_THROUGH, lights=LAMPS), SHARP),
     "everything, clear": (EVERYTHING, {"transparent": True, "samples": 1, "tile_size": 8}),
     "empty, with layers": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": LAYERS}),
     "static, with layers": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {"aovs": LAYERS}),
@@ -297,7 +324,7 @@ BUILT = {
 
 @pytest.mark.parametrize(
     ("name", "way"),
-    [(name, way) for name in BUILT for way in WAYS if way == "exact" or name not in SEE_THROUGHS],
+    [(name, way) for name in BUILT for way in WAYS if way == "exact" or name not in ONLY_EXACT],
 )
 def test_kernels_build_without_a_warning(name, way, caplog):
     import pyopencl as cl

@@ -69,7 +69,7 @@ def test_a_slab_that_passes_a_light_hides_it_for_its_exact_time(name, opacity):
     material = replace(MATT, opacity=opacity)
     moving = shade_maker(left, left + 0.4, speed, material=material)
     of = Scene(meshes=[wall(), moving], camera=UNIT_CAMERA, lights=[light])
-    found, free = film(of)[..., 0], film(of, shadows="none")[..., 0]
+    found, free = film(of)[..., 0], film(of, shadows="off")[..., 0]
     lit = free > 1e-4
     assert lit.mean() > 0.6
     expected = np.broadcast_to(share(name, opacity=opacity), found.shape)
@@ -89,7 +89,7 @@ def test_translucent_layers_each_take_their_share_of_the_light():
     of = Scene(meshes=[wall(), *layers], camera=UNIT_CAMERA, lights=[light])
     settings = mb.Settings(samples=1, motion_segments=1)
     found = mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings).rgba[8, :, 0]
-    free = film(of, shadows="none")[8, :, 0]
+    free = film(of, shadows="off")[8, :, 0]
     x = world(np.stack([np.arange(SIZE[0]) + 0.5, np.full(SIZE[0], 8.0)], 1), 2.0, SIZE)[:, 0]
     t = (np.arange(20000) + 0.5) / 20000
     first = np.abs(x[:, None] - (left + 0.2 + 1 + speed * t)) < 0.2
@@ -106,7 +106,7 @@ def test_shadows_are_those_of_rays_at_many_times(name):
     of, values = CASES[name](), {"texture_samples": 64, "motion_segments": segments}
     truth = over_time(expose(of, 1.0, size[0] / size[1], segments), size, times)
     found = film(of, size, **values)[..., :3]
-    without = film(of, size, shadows="none", **values)[..., :3]
+    without = film(of, size, shadows="off", **values)[..., :3]
     difference = np.abs(found - truth).max(axis=2)
     contrast = np.abs(without - truth).max(axis=2)
     # Each change of a light is at most half a step of time away.
@@ -169,7 +169,7 @@ def test_a_convex_body_that_turns_has_no_acne(kind, method):
     values = {"method": method, "motion_segments": 3, "samples": 4 if method == "analytic" else 64}
     for degrees, bound in ((70.0, 1e-3), (0.0, 1e-6)):
         of = scene(turned(body, degrees), lights=(SUN, LAMP, SPOT))
-        found, free = film(of, **values), film(of, shadows="none", **values)
+        found, free = film(of, **values), film(of, shadows="off", **values)
         assert free[..., 0].max() > 0.5
         assert np.abs(found - free).max() < bound
 
@@ -187,7 +187,7 @@ def test_no_light_leaks_out_of_a_closed_body_that_turns(method, at):
     values = {"method": method, "motion_segments": 3, "samples": 4 if method == "analytic" else 64}
     found = film(of, **values)
     dark = film(replace(of, lights=[AMBIENT]), **values)
-    free = film(of, shadows="none", **values)
+    free = film(of, shadows="off", **values)
     assert (free - dark).max() > 0.2
     assert np.abs(found - dark).max() < 1e-6
 
@@ -196,9 +196,7 @@ def test_surfaces_that_coincide_do_not_shade_each_other():
     twice = [plate((0, 0.1, 0), 3.0, (0.2, 0.1, 0)) for _ in range(2)]
     for method in ("analytic", "stochastic"):
         of = scene(*twice)
-        assert (
-            np.abs(film(of, method=method) - film(of, method=method, shadows="none")).max() < 1e-6
-        )
+        assert np.abs(film(of, method=method) - film(of, method=method, shadows="off")).max() < 1e-6
 
 
 def contents(of: Scene, **values: object) -> bytes:
@@ -216,7 +214,7 @@ def test_any_tile_and_any_order_of_meshes_give_the_same_bytes():
     part = mb.render(of, width=40, height=30, settings=settings, crop=(9, 7, 20, 15)).rgba
     whole = np.frombuffer(first, np.float32).reshape(30, 40, 4)
     assert np.array_equal(part, whole[7:22, 9:29])
-    assert contents(of, shadows="none") != first
+    assert contents(of, shadows="off") != first
 
 
 def test_pools_of_any_size_give_the_same_bytes():
@@ -248,7 +246,7 @@ def test_the_plan_says_why_and_a_scene_without_shadows_has_nothing_of_them():
         (of, settings, 3, "3 of 4 lights cast them, shadows='lights'"),
         (bright, settings, 0, "0 of 4 lights cast them, shadows='lights'"),
         (bright, replace(settings, shadows="all"), 3, "3 of 4 lights cast them, shadows='all'"),
-        (of, replace(settings, shadows="none"), 0, "0 of 4 lights cast them, shadows='none'"),
+        (of, replace(settings, shadows="off"), 0, "0 of 4 lights cast them, shadows='off'"),
         (unlit, settings, 0, "nothing reflects them"),
     ):
         for method in ("analytic", "stochastic"):
@@ -258,14 +256,14 @@ def test_the_plan_says_why_and_a_scene_without_shadows_has_nothing_of_them():
             named = [option for option in plan.options if "SHADOW" in option]
             assert named == [f"-DSHADOWS={count}"] * (count > 0)
             assert ("shadow" in plan.stages) == (count > 0 and method == "analytic")
-    assert contents(bright) == contents(of, shadows="none")
+    assert contents(bright) == contents(of, shadows="off")
     assert contents(bright, shadows="all") == contents(of)
 
 
 def test_triangulated_paths_refuse_shadows():
-    with pytest.raises(mb.UsageError, match=r"shadows need paths='exact'.*shadows='none'"):
+    with pytest.raises(mb.UsageError, match=r"shadows need paths='exact'.*shadows='off'"):
         film(CASES["both"](), paths="triangulated")
-    assert film(CASES["both"](), paths="triangulated", shadows="none").max() > 0.5
+    assert film(CASES["both"](), paths="triangulated", shadows="off").max() > 0.5
 
 
 def test_masks_see_shadows_too():
@@ -273,7 +271,7 @@ def test_masks_see_shadows_too():
     exact = film(of, samples=4)
     masked = film(of, samples=4, occlusion=1024)
     assert np.sqrt(np.mean((exact - masked) ** 2)) < 1e-3
-    assert np.sqrt(np.mean((exact - film(of, samples=4, shadows="none")) ** 2)) > 0.05
+    assert np.sqrt(np.mean((exact - film(of, samples=4, shadows="off")) ** 2)) > 0.05
 
 
 def test_a_scene_of_one_light_and_nothing_else_is_empty():

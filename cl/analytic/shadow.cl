@@ -47,7 +47,7 @@ static inline bool is_dark(const Steps *list)
 
 // A receiver under one light, and the list of its steps.
 typedef struct {
-    Receiver receiver; // from where it is lit at first to where it is lit at last
+    Receiver receiver;
     uint path;
     ShadowLight light;
     float end;         // of the list
@@ -55,15 +55,19 @@ typedef struct {
     Casters casters;   // that wait to be solved
 } Shading;
 
-// Leave out the times before and after which it is dark.
-static void leave_out_darkness(Shading *s)
+// Leave out the times of [low, high) before it is lit at first and after it is lit at last. False
+// if it is dark throughout.
+static bool trim_to_lit(const Steps *list, double *low, double *high)
 {
-    const Steps *list = &s->list;
-    bool begins = list->steps[0].passed == 0.0f, ends = list->steps[list->count - 1].passed == 0.0f;
-    if (is_dark(list) || !(begins || ends)) return;
-    double t0 = begins ? (double)list->steps[1].t : s->receiver.t0;
-    double t1 = ends ? (double)list->steps[list->count - 1].t : s->receiver.t1;
-    s->receiver = restrict_receiver(&s->receiver, t0, t1);
+    double first = INFINITY, last = -INFINITY;
+    for (uint k = 0; k < list->count; k++) {
+        if (list->steps[k].passed == 0.0f) continue;
+        double t0 = fmax(*low, (double)list->steps[k].t);
+        double t1 = k + 1 < list->count ? fmin(*high, (double)list->steps[k + 1].t) : *high;
+        if (t0 < t1) first = fmin(first, t0), last = t1;
+    }
+    *low = first, *high = last;
+    return first < last;
 }
 
 // Dim the list where the caster stands in the light. False when the pool is full.
@@ -101,7 +105,6 @@ NOT_INLINED static bool cast_shadows(const Tile *tile, Shading *s)
         if (!dim_by_caster(tile, s, lane, &signs)) return false;
     }
     waiting->count = 0;
-    leave_out_darkness(s);
     return true;
 }
 
@@ -111,14 +114,15 @@ static bool add_caster(const Tile *tile, Shading *s, uint caster)
     global const Path *path = tile->scene.paths + caster;
     double low = fmax(s->receiver.t0, (double)path->open);
     double high = fmin(s->receiver.t1, (double)path->close);
-    if (!(low < high) || path->alpha == 0.0f) return true;
+    if (!(low < high) || path->alpha == 0.0f || !trim_to_lit(&s->list, &low, &high)) return true;
     int k = s->casters.count++;
     s->casters.path[k] = caster, s->casters.t0[k] = low, s->casters.t1[k] = high;
     return k + 1 < CASTERS || cast_shadows(tile, s);
 }
 
-// Where a view may see the receiver: tiles, and the greatest depth.
+// Where a view may see the receiver: a box, the tiles that it lies in, and the greatest depth.
 typedef struct {
+    float left, right, top, bottom;
     int x_low, x_high, y_low, y_high;
     float far;
 } Reach;
@@ -152,6 +156,8 @@ static bool reach_of(const LightView *view, const Receiver *r, Reach *reach)
         y_low = fmin(y_low, py), y_high = fmax(y_high, py);
     }
     double last = view->size - 1.0;
+    reach->left = (float)(x_low - REACH_SLACK), reach->right = (float)(x_high + REACH_SLACK);
+    reach->top = (float)(y_low - REACH_SLACK), reach->bottom = (float)(y_high + REACH_SLACK);
     reach->x_low = (int)clamp(floor(x_low - REACH_SLACK), 0.0, last);
     reach->x_high = (int)clamp(floor(x_high + REACH_SLACK), 0.0, last);
     reach->y_low = (int)clamp(floor(y_low - REACH_SLACK), 0.0, last);
@@ -160,16 +166,30 @@ static bool reach_of(const LightView *view, const Receiver *r, Reach *reach)
     return true;
 }
 
+// Whether the box lies outside of the outline.
+static inline bool misses(global const Outline *outline, const Reach *reach)
+{
+    float8 a = vload8(0, outline->a), b = vload8(0, outline->b), c = vload8(0, outline->c);
+    float8 side = c + a * (a > 0.0f ? (float8)(reach->right) : (float8)(reach->left))
+                  + b * (b > 0.0f ? (float8)(reach->bottom) : (float8)(reach->top));
+    int8 outside = side < 0.0f;
+    const int4 *part = (const int4 *)&outside;
+    int4 any = part[0] | part[1];
+    return (any.x | any.y | any.z | any.w) != 0;
+}
+
 // Dim the list by the paths of one tile of a view, from near to far. Paths that have been dealt
 // with for this list bear its stamp. False when the pool is full.
-static bool shade_from_tile(Tile *tile, Shading *s, const LightView *view, uint index, float far)
+static bool shade_from_tile(Tile *tile, Shading *s, const LightView *view, uint index,
+                            const Reach *reach)
 {
     uint begin = tile->shadows.starts[view->starts + index];
     uint end = tile->shadows.starts[view->starts + index + 1];
     for (uint k = begin; k < end && !is_dark(&s->list); k++) {
         uint caster = tile->shadows.members[k];
-        if (tile->shadows.nears[view->paths + caster] > far) break;
-        if (tile->shadows.stamps[caster] == tile->shadows.stamp) continue;
+        global const Outline *outline = tile->shadows.outlines + view->paths + caster;
+        if (outline->near > reach->far) break;
+        if (tile->shadows.stamps[caster] == tile->shadows.stamp || misses(outline, reach)) continue;
         tile->shadows.stamps[caster] = tile->shadows.stamp;
         if (caster != s->path && !add_caster(tile, s, caster)) return false;
     }
@@ -186,7 +206,7 @@ static bool shade_from_views(Tile *tile, Shading *s)
         if (!reach_of(&view, &s->receiver, &reach)) continue;
         for (int y = reach.y_low; y <= reach.y_high; y++)
             for (int x = reach.x_low; x <= reach.x_high && !is_dark(&s->list); x++)
-                if (!shade_from_tile(tile, s, &view, (uint)y * view.size + x, reach.far))
+                if (!shade_from_tile(tile, s, &view, (uint)y * view.size + x, &reach))
                     return false;
     }
     return cast_shadows(tile, s);

@@ -209,7 +209,7 @@ kernel void tile(
 #ifdef SHADOWS
     global const Vertex *world, global const ShadowLight *shadow_lights,
     global const LightView *light_views, global const uint *light_starts,
-    global const uint *light_members, global const float *light_nears, global uint *stamps,
+    global const uint *light_members, global const Outline *outlines, global uint *stamps,
     uint path_count, global Step *steps,
 #endif
     global Span *spans, TileGrid grid, Frame frame)
@@ -279,7 +279,7 @@ kernel void tile(
     tile.depths = depths;
 #endif
 #ifdef SHADOWS
-    Shadows shadows = {world, shadow_lights, light_views, light_starts, light_members, light_nears,
+    Shadows shadows = {world, shadow_lights, light_views, light_starts, light_members, outlines,
                        stamps + (size_t)worker * path_count, 0u, steps + pool, 0u};
     tile.shadows = shadows;
 #endif

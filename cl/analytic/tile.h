@@ -44,7 +44,7 @@ typedef struct {
     global const LightView *views;
     global const uint *starts;  // first of the members of each tile of each view
     global const uint *members; // paths that may lie in a tile, from near to far
-    global const float *nears;  // least depth of each path in each view
+    global const Outline *outlines; // of each path in each view
     global uint *stamps;        // of each path: for which list it was dealt with last
     uint stamp;
     global Step *steps;         // pool

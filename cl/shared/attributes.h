@@ -194,12 +194,12 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
     ray = lanes_added(ray, tau, s->ray[1] - s->ray[0]);
     position = lanes_added(position, tau, s->eye[1] - s->eye[0]);
 #ifdef VIEW_VARIES
-    for (int end = 0; end < 2; end++) {
-        global const double *m = segment_camera(scene, s, end)->inverse;
-        Lanes share = end == 0 ? 1.0f - tau : tau;
-        ray = lanes_added(ray, share * across, (float3)(m[0], m[3], m[6]));
-        ray = lanes_added(ray, share * down, (float3)(m[1], m[4], m[7]));
-    }
+    global const double *m = segment_camera(scene, s, 0)->inverse;
+    global const double *n = segment_camera(scene, s, 1)->inverse;
+    ray = lanes_added(ray, across, (float3)(m[0], m[3], m[6]));
+    ray = lanes_added(ray, down, (float3)(m[1], m[4], m[7]));
+    ray = lanes_added(ray, tau * across, (float3)(n[0] - m[0], n[3] - m[3], n[6] - m[6]));
+    ray = lanes_added(ray, tau * down, (float3)(n[1] - m[1], n[4] - m[4], n[7] - m[7]));
 #endif
     position.x += w * ray.x, position.y += w * ray.y, position.z += w * ray.z;
     Lanes3 view = lanes_unit(lanes_scaled(ray, -1.0f)), normal = lanes_unit(a->normal);

@@ -216,9 +216,16 @@ typedef struct {
     double matrix[16];
     uint size;
     uint starts; // place of its first tile in the list of where tiles' paths start
-    uint paths;  // place of its first path in the list of least depths
+    uint paths;  // place of its first path in the list of outlines
     float texel; // width of a tile at depth 1, or, in parallel, at any depth
 } LightView;
+
+// What a view sees of a path: its least depth, and planes; it lies where a[i] x + b[i] y + c[i] >= 0
+// for all i, x and y in tiles.
+typedef struct {
+    float a[MAX_PLANES], b[MAX_PLANES], c[MAX_PLANES];
+    float near, unused[7]; // to two cache lines
+} Outline;
 
 // Rays of a view: the one through x, y starts at from[0..2] + x from[3..5] + y from[6..8], goes
 // along what `way` says likewise, and is at depth `depth` + s after s times that.

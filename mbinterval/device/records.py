@@ -69,6 +69,9 @@ SHADOW_LIGHT = np.dtype(
 LIGHT_VIEW = np.dtype(
     [("matrix", "f8", 16), ("size", "u4"), ("starts", "u4"), ("paths", "u4"), ("texel", "f4")]
 )
+OUTLINE = np.dtype(
+    [(name, "f4", _MAX_PLANES) for name in "abc"] + [("near", "f4"), ("unused", "f4", 7)]
+)
 VIEW_RAYS = np.dtype([("from", "f8", 9), ("way", "f8", 9), ("depth", "f8")])
 TREE_NODE = np.dtype([("low", "f4", 3), ("high", "f4", 3), ("open", "f4"), ("close", "f4")])
 SORTING = np.dtype(("V", 4 * 9))
@@ -109,6 +112,7 @@ BY_NAME = {
     "Step": STEP,
     "ShadowLight": SHADOW_LIGHT,
     "LightView": LIGHT_VIEW,
+    "Outline": OUTLINE,
     "ViewRays": VIEW_RAYS,
     "TreeNode": TREE_NODE,
     "Run": RUN,

@@ -100,6 +100,10 @@ def _round_lights(scene: Scene, _frame: float) -> Scene:
     return replace(scene, lights=lights)
 
 
+def _shadowless(scene: Scene, _frame: float) -> Scene:
+    return replace(scene, lights=[replace(light, shadows=False) for light in scene.lights])
+
+
 def _untextured(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, texture=None)
 
@@ -125,6 +129,7 @@ SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "phong shading": ("colours without light", _unlit),
     "point lights": ("without its point lights", _no_point_lights),
     "spot lights": ("point lights for its spot lights", _round_lights),
+    "shadows": ("lights that shine through everything", _shadowless),
     "texture": ("without textures", _untextured),
     "vertex colour": ("one colour for each material", _one_colour),
     "background image": ("the background's mean colour", _plain_background),
