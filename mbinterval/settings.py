@@ -151,7 +151,8 @@ class Settings:
         Karras 2011), or ``"edges"``, from time-dependent edge functions (Akenine-Möller et al.
         2007, 3.3.2; no lens).
     shading_rate
-        ``"sample"``, or ``"pixel"``: once for all samples of a pixel that see one triangle.
+        ``"sample"``, or ``"pixel"``: once for all samples of a pixel that see one triangle, its
+        shadows included.
     hybrid
         Shade what does not move once per pixel, and only what moves at each sample.
     frameless

@@ -142,7 +142,7 @@ def prepare_shadows(work: Work, motion: Motion) -> None:
         members.append(found.members)
         outlines.append(found.outlines)
         listed += len(found.members)
-        check_members(work, 4 * listed)
+        check_members(work, 4 * listed + sum(table.nbytes for table in outlines))
         first += len(found.starts)
     arrays = {
         "world": world_vertices(places),

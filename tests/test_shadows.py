@@ -274,6 +274,17 @@ def test_masks_see_shadows_too():
     assert np.sqrt(np.mean((exact - film(of, samples=4, shadows="off")) ** 2)) > 0.05
 
 
+def test_slices_see_shadows_too():
+    of = CASES["moving caster on static receiver"]()
+    exact = film(of, samples=4)
+    errors = [
+        np.sqrt(np.mean((film(of, samples=4, method="accumulation", slices=n) - exact) ** 2))
+        for n in (4, 64)
+    ]
+    assert errors[1] < 0.01
+    assert errors[0] > 3.0 * errors[1]
+
+
 def test_a_scene_of_one_light_and_nothing_else_is_empty():
     for method in ("analytic", "stochastic"):
         assert film(Scene(meshes=[], camera=CAMERA, lights=ALL), method=method).max() == 0.0
