@@ -1,7 +1,7 @@
 """The analytic path: visibility solved as time intervals.
 
     exact:        paths -> bin -> [place -> nearest -> solve -> envelope (or mask, or stack)
-                                   -> shade -> record -> moment -> resolve] -> share
+                                   -> shadow -> shade -> record -> moment -> resolve] -> share
     triangulated: paths -> bin -> [place -> nearest -> rasterize -> intervals -> sort -> occlude
                                    -> shade -> record -> moment -> resolve] -> share
                                                                                (Hong & Oh 2017)
@@ -27,6 +27,7 @@ from mbinterval.plan import Plan
 from mbinterval.record import Recorder, collectors_of
 from mbinterval.sampling import reach_of
 from mbinterval.scene.exposure import Exposure
+from mbinterval.shadows import prepare_shadows
 from mbinterval.tiles import render_tiles
 from mbinterval.work import (
     Pixels,
@@ -54,6 +55,8 @@ def render_analytic(
     work = Work(runtime, plan, upload_scene(runtime, exposure, motion, plan), exposure)
     _run_paths(work, motion)
     listed = _run_bin(work, motion)
+    if "shadow" in plan.stages:
+        prepare_shadows(work, motion)
     takers = collectors_of(work, motion)
     recorder = Recorder(work, tuple(takers.values())) if takers else None
     stats = render_tiles(work, listed, progress, recorder)

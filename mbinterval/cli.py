@@ -57,6 +57,7 @@ _SETTING_HELP = {
     "motion_segments": "linear motion segments per shutter, for meshes that state none; "
     "'none' chooses them by --motion-error",
     "motion_error": "greatest path error of chosen motion segments, in pixels",
+    "shadows": "which lights cast shadows: those that say so (lights), all, or none (off)",
     "seed": "seed of every pseudo-random choice",
     "transparent": "leave the background out; PNG gets an alpha channel",
     "aovs": "layers to find in the same pass, with commas between them: "
@@ -72,6 +73,10 @@ _SETTING_HELP = {
     "shading_rate": "shade every point sample, or once per pixel and triangle",
     "hybrid": "shade what does not move once per pixel",
     "frameless": "every n-th pixel sees its own part of the shutter",
+    "shadow_map": "look shadows of point samples up in maps of so many texels along an edge; "
+    "'none' traces rays",
+    "shadow_strata": "times in each texel of a shadow map",
+    "shadow_bias": "widths of a texel by which a shadow map spares what lies behind a surface",
     "slices": "pictures that accumulation averages",
     "slice_times": "uniform, jittered or stochastic",
     "statistics": "count samples that were tested and hit",

@@ -13,6 +13,7 @@ import numpy as np
 
 from mbinterval.alpha import has_vertex_alpha, is_translucent, varies
 from mbinterval.aovs import MACROS, MOMENTARY, RECORDED
+from mbinterval.appearance import casting
 from mbinterval.sampling import filter_of, pattern_of
 from mbinterval.settings import Settings
 
@@ -40,7 +41,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
         *_shutter(exposure, moving),
         *_geometry(motion),
         *_transparency(exposure),
-        *_shading(exposure, motion),
+        *_shading(exposure, motion, settings),
         *_film(exposure, settings),
         *_published(settings, moving),
         *_layers(settings),
@@ -131,15 +132,25 @@ def _transparency(exposure: Exposure) -> tuple[Effect, ...]:
     )
 
 
-def _shading(exposure: Exposure, motion: Motion) -> tuple[Effect, ...]:
+def _shading(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:
     phong = [m.name for m in motion.materials if m.shading == "phong"]
     textured = [m.name for m in motion.materials if m.texture is not None]
     colored = [m.mesh.name for m in exposure.meshes if m.color is not None]
-    points = sum(light.kind == "point" for light in exposure.lights)
-    lamps = f"{points} point lights" if phong or not points else "nothing reflects them"
+    kinds = [light.kind for light in exposure.lights]
+    spots = kinds.count("spot")
+    points = kinds.count("point") + spots
+    unlit = "nothing reflects them"
+    lamps = f"{points} point lights" if phong or not points else unlit
+    cones = f"{spots} spot lights" if phong or not spots else unlit
+    casters = len(casting(exposure, settings))
+    darkness = f"{casters} of {len(kinds)} lights cast them, shadows={settings.shadows!r}"
+    if casters and not phong:
+        darkness = unlit
     return (
         Effect("phong shading", bool(phong), _named("material", phong), "PHONG"),
         Effect("point lights", bool(phong) and points > 0, lamps, "POINT_LIGHTS"),
+        Effect("spot lights", bool(phong) and spots > 0, cones, "SPOT_LIGHTS"),
+        Effect("shadows", bool(phong) and casters > 0, darkness, "SHADOWS"),
         Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
         Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
     )

@@ -33,6 +33,8 @@ _BELONGS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("deep_tolerance", "event_steps"), ("analytic",)),
     **dict.fromkeys(("cull", "cull_tile", "test"), ("stochastic", "accumulation")),
     **dict.fromkeys(("shading_rate", "hybrid"), ("stochastic", "accumulation")),
+    **dict.fromkeys(("shadow_map", "shadow_strata"), ("stochastic", "accumulation")),
+    **dict.fromkeys(("shadow_bias",), ("stochastic", "accumulation")),
     **dict.fromkeys(("frameless",), ("stochastic",)),
     **dict.fromkeys(("slices", "slice_times"), ("accumulation",)),
 }
@@ -53,6 +55,7 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
     "shading_rate": ("sample", "pixel"),
     "slice_times": ("uniform", "jittered", "stochastic"),
     "cryptomatte_levels": tuple(range(2, 21, 2)),
+    "shadows": ("lights", "all", "off"),
 }
 _OF_AOVS = {
     "cryptomatte_levels": ("crypto_object", "crypto_material"),
@@ -68,8 +71,13 @@ _RANGES = {
     "frameless": (1, 64),
     "slices": (1, 4096),
     "event_steps": (1, 4096),
+    "shadow_strata": (1, 64),
 }
-_RANGES_OR_NONE = {"max_intervals": (1, 2**20), "motion_segments": (1, 4096)}
+_RANGES_OR_NONE = {
+    "max_intervals": (1, 2**20),
+    "motion_segments": (1, 4096),
+    "shadow_map": (1, 8192),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +134,9 @@ class Settings:
     motion_error
         How far from their true place, in pixels, the linear motion of segments may take points
         of a mesh; without effect where ``motion_segments`` are given.
+    shadows
+        ``"lights"``: those lights cast shadows that say so. ``"all"``: all but ambient ones do.
+        ``"off"``: none does.
     seed
         Seed of every pseudo-random choice.
     transparent
@@ -158,11 +169,17 @@ class Settings:
         Karras 2011), or ``"edges"``, from time-dependent edge functions (Akenine-Möller et al.
         2007, 3.3.2; no lens).
     shading_rate
-        ``"sample"``, or ``"pixel"``: once for all samples of a pixel that see one triangle.
+        ``"sample"``, or ``"pixel"``: once for all samples of a pixel that see one triangle, its
+        shadows included.
     hybrid
         Shade what does not move once per pixel, and only what moves at each sample.
     frameless
         Every ``frameless``-th pixel sees its own part of the shutter only, 1 to 64 parts.
+    shadow_map, shadow_strata, shadow_bias
+        Look shadows of point samples up in maps of ``shadow_map`` texels along an edge, with
+        ``shadow_strata`` times in each texel (Akenine-Möller et al. 2007, 3.5), 1 to 64; a surface
+        hides what lies behind it by more than ``shadow_bias`` widths of a texel. None: rays are
+        traced at each sample's time, without bias.
     slices, slice_times
         Pictures that accumulation averages, 1 to 4096, at ``"uniform"`` or ``"jittered"`` times;
         ``"stochastic"``: each is sampled stochastically over its own part of the shutter.
@@ -183,6 +200,7 @@ class Settings:
     texture_samples: int = 16
     motion_segments: int | None = None
     motion_error: float = 0.1
+    shadows: str = "lights"
     seed: int = 0
     transparent: bool = False
     tile_size: int = 16
@@ -197,6 +215,9 @@ class Settings:
     shading_rate: str = "sample"
     hybrid: bool = False
     frameless: int = 1
+    shadow_map: int | None = None
+    shadow_strata: int = 4
+    shadow_bias: float = 3.0
     slices: int = 64
     slice_times: str = "uniform"
     statistics: bool = False
@@ -224,6 +245,10 @@ class Settings:
         aovs, aov_time = values.pop("aovs", ()), values.pop("aov_time", None)
         if aovs:
             values |= {"aovs": ",".join(aovs), "aov_time": aov_time}
+        if self.shadows == "lights":
+            del values["shadows"]
+        if self.shadow_map is None:
+            values = {name: values[name] for name in values if not name.startswith("shadow_")}
         if self.cull == "clip_space_printed":
             values["cull"] = self.cull
         return values
@@ -261,6 +286,8 @@ def check_setting(name: str, value: Any) -> Any:
         return None if value is None else whole_number(value, name, *_RANGES_OR_NONE[name])
     if name == "motion_error":
         return number(value, name, above=0.0)
+    if name == "shadow_bias":
+        return number(value, name, 0.0)
     if name == "filter_radius":
         return None if value is None else number(value, name, above=0.0, high=8.0)
     if name == "aovs":

@@ -29,7 +29,7 @@ _log = logging.getLogger(__name__)
 
 TILE_STAGES = (
     *("place", "nearest", "rasterize", "intervals", "sort", "occlude"),
-    *("solve", "envelope", "mask", "stack", "shade", "record", "moment", "resolve"),
+    *("solve", "envelope", "mask", "stack", "shadow", "shade", "record", "moment", "resolve"),
 )
 """Stages of the fused kernel, in the order in which it counts their time."""
 
@@ -41,6 +41,10 @@ _ARGUMENTS = (
     *("rgba", "depth", "met"),
 )
 _LAYERS = ("sharp", "planes", "forward", "backward")  # those that are asked for
+_SHADOWS = (
+    *("world", "shadow_lights", "light_views", "light_starts", "light_members", "outlines"),
+    *("stamps", "path_count"),
+)
 _EXACT_POOLS = {
     "visits": records.VISIT,
     "fronts": records.FRONT,
@@ -117,6 +121,8 @@ def _allocate(work: Work, workers: int) -> None:
         "met": 4 * width * height,
         **layer_bytes(work.plan),
     }
+    if "shadow" in work.plan.stages:
+        sizes["stamps"] = 4 * int(work.buffers["path_count"]) * workers
     for name, size in sizes.items():
         work.buffers[name] = work.runtime.allocate(size, name)
 
@@ -124,6 +130,8 @@ def _allocate(work: Work, workers: int) -> None:
 def pools(plan: Plan) -> dict[str, np.dtype[np.void]]:
     """Pools of a work-item: record of each."""
     kinds = _EXACT_POOLS if plan.exact else _TRIANGULATED_POOLS
+    if "shadow" in plan.stages:
+        return {**kinds, "steps": records.STEP, "spans": records.SHADED_SPAN}
     return {**kinds, "spans": records.SPAN}
 
 
@@ -155,7 +163,10 @@ def _run_part(
     grid = packed("iiiiIIIIIfff", left, top, columns, rows, *counts, plan.settings.seed, *rolling)
     frame = frame_record(plan.region, background)
     layers = [name for name in _LAYERS if name in buffers]
-    names = (*_ARGUMENTS, *layers, *(("depths",) if plan.exact else ()), *pools(plan))
+    names = [*_ARGUMENTS, *layers, *(("depths",) if plan.exact else ()), *pools(plan)]
+    if "shadow" in plan.stages:
+        names[-2:-2] = _SHADOWS
+        runtime.fill(buffers["stamps"], 4 * int(buffers["path_count"]) * workers)
     kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)
     arguments = [buffers[name] for name in names]
     if recorder is not None:

@@ -71,6 +71,17 @@ def glassy_crowd() -> list[Mesh]:
     return [triangles(60, material=Material("glass", shading="unlit", opacity=0.1))]
 
 
+def shaded() -> list[Mesh]:
+    """What shades and is shaded: flat and smooth, moving and at rest, translucent."""
+    rng = np.random.default_rng(3)
+    return [
+        triangles(3),
+        triangles(4, moving=False, material=Material("clay")),
+        triangles(5, material=Material("clay"), normals=rng.normal(size=(15, 3))),
+        triangles(2, material=Material("glass", opacity=0.5)),
+    ]
+
+
 def crowd() -> list[Mesh]:
     """One pixel with more intervals than small pools hold, in front of each other."""
     return [triangles(60)]
@@ -88,6 +99,12 @@ class Small:
 POINTS = {"method": "stochastic"}
 LAYERS = ("sharp", "depth", "normal", "uv", "object", "operations")
 ROLL = Shutter(rolling="left", line_offset=0.01, line_exposure=0.2, curve="triangle")
+LAMPS = (
+    Light("ambient", intensity=0.2),
+    Light("directional", direction=(0.3, -1.0, -0.5), shadows=True),
+    Light("point", position=(0.2, 0.5, -1.5), shadows=True),
+    Light("spot", position=(0.0, 0.0, 0.0), outer_angle=30.0, shadows=True),
+)
 SCENES = {
     "exact": Small(colorful, {"samples": 2}),
     "exact, crowded": Small(crowd, {"samples": 1}, capacity=400),
@@ -129,6 +146,25 @@ SCENES = {
         lambda: [triangles(6, moving=False, material=Material("glass", opacity=0.5))]
     ),
     "translucent, pools grow": Small(glassy_crowd, {"samples": 1}, capacity=24),
+    "shadows": Small(
+        shaded, {"samples": 2, "texture_samples": 18, "motion_segments": 2}, scene={"lights": LAMPS}
+    ),
+    "shadows, layers": Small(
+        colorful, {"samples": 1, "aovs": LAYERS}, Camera(**LENS), {"shutter": ROLL, "lights": LAMPS}
+    ),
+    "shadows, at rest": Small(
+        lambda: [triangles(6, moving=False, material=Material("clay"))], {"samples": 1},
+        scene={"lights": LAMPS},
+    ),
+    "shadows, pools grow": Small(
+        lambda: [triangles(60, material=Material("clay"))], {"samples": 1}, capacity=24,
+        scene={"lights": LAMPS},
+    ),
+    "stochastic, shadows": Small(shaded, {"samples": 3} | POINTS, scene={"lights": LAMPS}),
+    "stochastic, shadow map": Small(
+        shaded, {"samples": 3, "shadow_map": 17, "shadow_strata": 3} | POINTS,
+        scene={"lights": LAMPS},
+    ),
     "static": Small(lambda: [triangles(6, moving=False)], {"samples": 2}),
     "empty": Small(list, {"samples": 1}),
     "transparent": Small(colorful, {"samples": 1, "transparent": True, "tile_size": 8}),

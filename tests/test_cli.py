@@ -132,6 +132,7 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
         "texture_samples": 3,
         "motion_segments": 4,
         "motion_error": 0.25,
+        "shadows": "all",
         "seed": 5,
         "transparent": True,
         "tile_size": 8,
@@ -141,7 +142,8 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
         "deep_tolerance": 0.1,
     }
     sampled = {"method": "stochastic", "cull": "bbox", "cull_tile": 2, "test": "edges",
-               "hybrid": True, "frameless": 4, "statistics": True}  # fmt: skip
+               "hybrid": True, "frameless": 4, "shadow_map": 64,
+               "shadow_strata": 2, "shadow_bias": 1.5, "statistics": True}  # fmt: skip
     slices = {"method": "accumulation", "slices": 7, "slice_times": "jittered",
               "shading_rate": "pixel"}  # fmt: skip
     seen = {"aovs": "events", "event_steps": 7}

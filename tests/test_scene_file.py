@@ -64,7 +64,7 @@ def test_every_error_is_reported_at_once():
         "camera.fov": "expected less than 180, got 200",
         "camera.look_att": "unknown field, did you mean look_at?",
         "shutter": "close must come after open",
-        "lights[0].kind": "expected 'ambient', 'directional' or 'point', got 'sun'",
+        "lights[0].kind": "expected 'ambient', 'directional', 'point' or 'spot', got 'sun'",
         "lights[1].kind": "is missing",
         "objects[0].visible": "expected true or false, got 'yes'",
         "objects[0].material.shading": "expected 'unlit' or 'phong', got 'flat'",

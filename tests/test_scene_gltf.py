@@ -349,21 +349,27 @@ def test_lights_in_lux_and_candela(tmp_path):
     lights = [
         {"type": "directional", "intensity": np.pi, "color": [1, 0.5, 0]},
         {"type": "point", "intensity": 2 * np.pi},
-        {"type": "spot", "intensity": np.pi},
+        {"type": "spot", "intensity": np.pi, "spot": {"innerConeAngle": 0.1}},
+        {"type": "spot", "spot": {"outerConeAngle": np.pi / 2}},
+        {"type": "area"},
     ]
     gltf.json["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
     half = np.sqrt(0.5)
-    places = [{"rotation": [-half, 0, 0, half]}, {"translation": [1, 2, 3]}, {}]
+    turned = {"rotation": [-half, 0, 0, half]}
+    places = [turned, {"translation": [1, 2, 3]}, {"translation": [4, 5, 6], **turned}, {}, {}]
     for index, place in enumerate(places):
         gltf.node(extensions={"KHR_lights_punctual": {"light": index}}, **place)
-    gltf.json["scenes"][0]["nodes"] = [0, 1, 2]
+    gltf.json["scenes"][0]["nodes"] = [0, 1, 2, 3, 4]
     asset = read_gltf(gltf.write(tmp_path / "a.glb"), 24.0)
-    sun, lamp, spot = (light.at(0.0) for light in asset.lights)
+    sun, lamp, spot, wide = (light.at(0.0) for light in asset.lights)
     np.testing.assert_allclose(sun.direction, [0, -1, 0], atol=1e-6)
     assert (sun.intensity, sun.color) == (1.0, (1.0, 0.5, 0.0))
     assert (lamp.position, lamp.intensity) == ((1.0, 2.0, 3.0), 2.0)
-    assert (spot.kind, spot.intensity) == ("point", 1.0)
-    assert asset.notes == ("a.glb: spot lights shine to all sides, as point lights",)
+    assert (spot.kind, spot.intensity, spot.position) == ("spot", 1.0, (4.0, 5.0, 6.0))
+    np.testing.assert_allclose(spot.direction, [0, -1, 0], atol=1e-6)
+    assert np.radians([spot.inner_angle, spot.outer_angle]) == pytest.approx([0.1, np.pi / 4])
+    assert (wide.inner_angle, wide.outer_angle) == (0.0, 90.0)
+    assert asset.notes == ("a.glb: area lights are left out",)
 
 
 def test_lights_move_with_their_nodes(tmp_path):

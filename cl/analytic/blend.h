@@ -73,7 +73,7 @@ static Colors layer_colors(const Tile *tile, int sample, Span span, Place place,
     Shaded s = load_shaded(tile, span.source);
     const float *base = s.path.color;
     float4 flat = (float4)(base[0], base[1], base[2], s.path.alpha);
-#ifdef STATIC
+#ifdef STILL
     if (span.source < tile->static_paths) flat = tile->still[sample];
     else
 #endif

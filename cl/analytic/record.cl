@@ -26,7 +26,9 @@ static bool changes_in_time(const Tile *tile, global const Span *spans, uint siz
 #ifdef VARYING
     for (uint i = 0; i < size && !found; i++) {
         uint path = span_path(tile, spans[i]);
+#ifdef STILL
         if (path < tile->static_paths) continue;
+#endif
         Shaded s = load_shaded(tile, path);
         found = varies_on_surface(&s);
     }
@@ -143,7 +145,7 @@ static void write_stack(const Tile *tile, int sample, Event event, global const 
     }
 }
 
-#ifdef MOVING
+#if defined(MOVING) || defined(SHADOWS)
 
 static void record_spans(Tile *tile, int sample, Event event)
 {

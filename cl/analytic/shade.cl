@@ -10,13 +10,20 @@
 #include "analytic/varying_surface.h"
 #endif
 #include "analytic/surface_color.h"
+#ifdef SHADOWS
+#include "analytic/shadow.h"
+#endif
 
 #if defined(PHONG) || defined(TEXTURED) || defined(VERTEX_COLOR)
 #define VARYING
 #endif
 
+#if defined(STATIC) && !defined(SHADOWS)
+#define STILL // what does not move has one colour whenever it is seen
+#endif
+
 #ifdef VARYING
-#ifdef STATIC
+#ifdef STILL
 #include "analytic/still.h"
 #endif
 
@@ -79,13 +86,20 @@ static Colors colors_along(const Tile *tile, const Shaded *s, const Varying *v, 
     w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
     across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
 #endif
+#ifdef SHADOWS
+    light_along(tile, s->window, span, first, n, a.lit);
+#endif
     return surface_color(tile, s, &a, level, n - first, t, w, across, down);
 }
 
 // Average colour of the span, from so many places, sixteen at a time.
 static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 {
+#ifdef SHADOWS
+    const int n = s->path.step == 0 ? 1 : places_along(span); // only its light changes
+#else
     const int n = places_along(span);
+#endif
     Varying v = prepare_varying(tile, s, span);
     float level = span_level(tile, s, &v, span, n);
     float3 sum = 0.0f;
@@ -106,7 +120,7 @@ static float3 span_color(const Tile *tile, int sample, Span span, Place place, f
 {
     uint path = span_path(tile, span);
 #ifdef VARYING
-#ifdef STATIC
+#ifdef STILL
     if (path < tile->static_paths) return tile->still[sample].xyz;
 #endif
     Shaded s = load_shaded(tile, path);
@@ -193,7 +207,7 @@ static void shade_sample(Tile *tile, int row, int column)
 #ifdef AOV_OPERATIONS
     tile->operations[pixel] += tile->tested[sample];
 #endif
-#ifdef MOVING
+#if defined(MOVING) || defined(SHADOWS)
     Run run = tile->span_runs[sample];
     add_spans(tile, sample, pixel, tile->spans + run.start, run.count);
 #ifdef AOV_SHARP
@@ -217,7 +231,7 @@ static void shade_sample(Tile *tile, int row, int column)
 // Add every span of the piece to its pixel, sample by sample. Always true.
 static bool shade(Tile *tile)
 {
-#if defined(VARYING) && defined(STATIC)
+#if defined(VARYING) && defined(STILL)
     shade_all_still(tile);
 #endif
     for (int row = tile->row_low; row < tile->row_high; row++) {

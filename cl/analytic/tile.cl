@@ -4,7 +4,7 @@
 //     triangulated: place -> nearest -> rasterize -> intervals -> sort -> occlude
 //                   -> shade -> record -> moment -> resolve
 //     exact:        place -> nearest -> solve -> envelope -> shade -> record -> moment -> resolve,
-//                   with mask or stack for envelope
+//                   with mask or stack for envelope, and shadow before shade
 //
 // Stages between nearest and shade exist only where something moves, place only where samples lie
 // differently in every pixel, record and moment only where what they find is asked for. Nothing is
@@ -33,6 +33,9 @@
 #include "analytic/sort.cl"
 #include "analytic/occlude.cl"
 #endif
+#ifdef SHADOWS
+#include "analytic/shadow.cl"
+#endif
 #include "analytic/shade.cl"
 #ifdef RECORDED
 #include "analytic/record.cl"
@@ -46,8 +49,8 @@
 enum { DONE, POOLS_FULL, EVENTS_FULL };
 
 // What a work-item counts: ticks of each stage, and pairs that were tested and hit.
-enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, STACK, SHADE,
-       RECORD, MOMENT, RESOLVE, TESTS, HITS,
+enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, STACK, SHADOW,
+       SHADE, RECORD, MOMENT, RESOLVE, TESTS, HITS,
        COUNTERS };
 
 #ifdef CLANG_BUILTINS
@@ -90,6 +93,9 @@ static bool render_piece(Tile *tile, Frame frame, global ulong *ticks)
     if (!clocked(sort(tile), SORT, ticks, &clock)) return false;
     if (!clocked(occlude(tile), OCCLUDE, ticks, &clock)) return false;
 #endif
+#ifdef SHADOWS
+    if (!clocked(shadow(tile), SHADOW, ticks, &clock)) return false;
+#endif
     clocked(shade(tile), SHADE, ticks, &clock);
 #ifdef RECORDED
     clocked(record(tile, frame), RECORD, ticks, &clock);
@@ -100,7 +106,13 @@ static bool render_piece(Tile *tile, Frame frame, global ulong *ticks)
 // Records of the fullest of the pools that grow with a piece.
 static inline uint fullest_pool(const Tile *tile)
 {
-#if !defined(MOVING)
+#if defined(SHADOWS)
+    uint most = max(tile->span_count, tile->shadows.step_count);
+#ifdef MOVING
+    most = max(most, tile->visit_count);
+#endif
+    return most;
+#elif !defined(MOVING)
     return 0u;
 #elif defined(EXACT)
     return max(tile->visit_count, tile->span_count);
@@ -205,6 +217,12 @@ kernel void tile(
     global Fragment *fragments, global Interval *interval_pool, global float *sorting,
     global Interval *sorted,
 #endif
+#ifdef SHADOWS
+    global const Vertex *world, global const ShadowLight *shadow_lights,
+    global const LightView *light_views, global const uint *light_starts,
+    global const uint *light_members, global const Outline *outlines, global uint *stamps,
+    uint path_count, global Step *steps,
+#endif
     global Span *spans,
 #ifdef RECORDED
     global Event *events, global uint *event_count, global uint *event_end, uint event_capacity,
@@ -278,6 +296,11 @@ kernel void tile(
 #ifdef RECORDED
     tile.events = events, tile.event_capacity = event_capacity;
     tile.event_count = event_count, tile.event_end = event_end;
+#endif
+#ifdef SHADOWS
+    Shadows shadows = {world, shadow_lights, light_views, light_starts, light_members, outlines,
+                       stamps + (size_t)worker * path_count, 0u, steps + pool, 0u};
+    tile.shadows = shadows;
 #endif
     tile.scene = scene;
     counters += worker * COUNTERS;

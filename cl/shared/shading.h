@@ -132,7 +132,11 @@ static inline Lanes lanes_power(Lanes x, float y)
 
 // Phong (1975): colour seen from `view` (towards the eye) of points with unit normals.
 static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lanes3 normal,
-                    Lanes3 view, global const Light *lights, uint light_count)
+                    Lanes3 view, global const Light *lights,
+#ifdef SHADOWS
+                    const Lanes *lit,
+#endif
+                    uint light_count)
 {
     Lanes3 sum = {0.0f, 0.0f, 0.0f};
     const float *specular = material->specular;
@@ -149,11 +153,22 @@ static Lanes3 phong(const Material *material, Lanes3 color, Lanes3 position, Lan
         Lanes3 towards = {light.vector[0], light.vector[1], light.vector[2]};
         Lanes strength = 1.0f;
 #ifdef POINT_LIGHTS
-        if (light.kind == LIGHT_POINT) {
+        if (light.kind != LIGHT_DIRECTIONAL) {
             towards.x -= position.x, towards.y -= position.y, towards.z -= position.z;
             strength = 1.0f / lanes_max(lanes_dot(towards, towards), 1e-30f); // in it, too
             towards = lanes_scaled(towards, sqrt(strength));
         }
+#endif
+#ifdef SPOT_LIGHTS
+        if (light.kind == LIGHT_SPOT) {
+            Lanes3 axis = {light.axis[0], light.axis[1], light.axis[2]};
+            Lanes cone = light.cone[0] * lanes_dot(axis, towards) + light.cone[1];
+            cone = lanes_min(lanes_max(cone, (Lanes)(0.0f)), (Lanes)(1.0f));
+            strength *= cone * cone;
+        }
+#endif
+#ifdef SHADOWS
+        if (light.shadow != NONE) strength *= lit[light.shadow];
 #endif
         Lanes cosine = lanes_dot(normal, towards);
         cosine = cosine > 0.0f ? cosine : (Lanes)(0.0f);

@@ -153,11 +153,20 @@ def phong(
         towards = np.asarray(light.position) - position
         arriving = arriving / (towards**2).sum(axis=1, keepdims=True)
         towards = unit(towards)
+    if light.kind == "spot":
+        arriving = arriving * cone(light, towards)
     cosine = (normal * towards).sum(axis=1, keepdims=True)
     mirrored = 2.0 * cosine * normal - towards
     highlight = np.maximum((mirrored * view).sum(axis=1, keepdims=True), 0.0) ** material.shininess
     lit = cosine * color + highlight * np.asarray(material.specular)
     return np.where(cosine > 0, arriving * lit, 0.0)
+
+
+def cone(light: Light, towards: np.ndarray) -> np.ndarray:
+    """Share ``(M, 1)`` of a spot light's strength by angle: the glTF extension's formula."""
+    inner, outer = np.cos(np.radians([light.inner_angle, light.outer_angle]))
+    across = -(towards * unit(np.asarray([light.direction]))).sum(axis=1, keepdims=True)
+    return np.clip((across - outer) / max(0.001, inner - outer), 0.0, 1.0) ** 2
 
 
 def premultiplied(material: Material) -> np.ndarray:
