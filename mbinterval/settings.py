@@ -33,7 +33,7 @@ _BELONGS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("cull", "cull_tile", "test"), ("stochastic", "accumulation")),
     **dict.fromkeys(("shading_rate", "hybrid"), ("stochastic", "accumulation")),
     **dict.fromkeys(("frameless",), ("stochastic",)),
-    **dict.fromkeys(("slices", "slice_times"), ("accumulation",)),
+    **dict.fromkeys(("slices", "slice_times", "slice_lens"), ("accumulation",)),
 }
 """Settings that are of some methods only."""
 
@@ -52,6 +52,7 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
     "test": ("vertices", "edges"),
     "shading_rate": ("sample", "pixel"),
     "slice_times": ("uniform", "jittered", "stochastic"),
+    "slice_lens": ("point", "line"),
 }
 _RANGES = {
     "samples": (1, 4096),
@@ -148,6 +149,10 @@ class Settings:
     slices, slice_times
         Pictures that accumulation averages, 1 to 4096, at ``"uniform"`` or ``"jittered"`` times;
         ``"stochastic"``: each is sampled stochastically over its own part of the shutter.
+    slice_lens
+        What of an open lens each slice looks through: ``"point"``, one of its points (with
+        stochastic slices each sample has its own), or ``"line"``, a line across it, of which each
+        sample has a point of its own (Akenine-Möller et al. 2007, 4.2).
     statistics
         Count the samples that were tested and hit (``Film.stats``); it costs time.
     """
@@ -178,6 +183,7 @@ class Settings:
     frameless: int = 1
     slices: int = 64
     slice_times: str = "uniform"
+    slice_lens: str = "point"
     statistics: bool = False
 
     def __post_init__(self) -> None:

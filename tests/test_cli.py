@@ -134,7 +134,7 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
     sampled = {"method": "stochastic", "cull": "bbox", "cull_tile": 2, "test": "edges",
                "hybrid": True, "frameless": 4, "statistics": True}  # fmt: skip
     slices = {"method": "accumulation", "slices": 7, "slice_times": "jittered",
-              "shading_rate": "pixel"}  # fmt: skip
+              "slice_lens": "line", "shading_rate": "pixel"}  # fmt: skip
     ways = (values, sampled, slices)
     assert set().union(*ways) == {setting.name for setting in fields(Settings)}
     for index, way in enumerate(ways):

@@ -35,6 +35,7 @@ WRONG = {
     "frameless": [0, 65, 4.0, True],
     "slices": [0, 4097, 8.0, None],
     "slice_times": ["now", None],
+    "slice_lens": ["disc", None],
     "statistics": [1, "all", None],
     "aovs": ["depht", ["uv", 1], 3, "uv;depth", {"uv": 1}],
     "aov_time": [-0.1, 1.1, None, "0.5", True, float("nan")],
