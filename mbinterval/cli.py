@@ -79,6 +79,7 @@ _SETTING_HELP = {
     "shadow_bias": "widths of a texel by which a shadow map spares what lies behind a surface",
     "slices": "pictures that accumulation averages",
     "slice_times": "uniform, jittered or stochastic",
+    "slice_lens": "through what of the lens a slice looks: a point of it, or a line across",
     "statistics": "count samples that were tested and hit",
     "tile_size": "edge of a tile in pixels; it changes speed, never the image",
 }

@@ -36,7 +36,7 @@ _BELONGS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("shadow_map", "shadow_strata"), ("stochastic", "accumulation")),
     **dict.fromkeys(("shadow_bias",), ("stochastic", "accumulation")),
     **dict.fromkeys(("frameless",), ("stochastic",)),
-    **dict.fromkeys(("slices", "slice_times"), ("accumulation",)),
+    **dict.fromkeys(("slices", "slice_times", "slice_lens"), ("accumulation",)),
 }
 """Settings that are of some methods only."""
 
@@ -56,6 +56,7 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
     "slice_times": ("uniform", "jittered", "stochastic"),
     "cryptomatte_levels": tuple(range(2, 21, 2)),
     "shadows": ("lights", "all", "off"),
+    "slice_lens": ("point", "line"),
 }
 _OF_AOVS = {
     "cryptomatte_levels": ("crypto_object", "crypto_material"),
@@ -183,6 +184,10 @@ class Settings:
     slices, slice_times
         Pictures that accumulation averages, 1 to 4096, at ``"uniform"`` or ``"jittered"`` times;
         ``"stochastic"``: each is sampled stochastically over its own part of the shutter.
+    slice_lens
+        What of an open lens each slice looks through: ``"point"``, one of its points (with
+        stochastic slices each sample has its own), or ``"line"``, a line across it, of which each
+        sample has a point of its own (Akenine-Möller et al. 2007, 4.2).
     statistics
         Count the samples that were tested and hit (``Film.stats``); it costs time.
     """
@@ -220,6 +225,7 @@ class Settings:
     shadow_bias: float = 3.0
     slices: int = 64
     slice_times: str = "uniform"
+    slice_lens: str = "point"
     statistics: bool = False
 
     def __post_init__(self) -> None:

@@ -121,6 +121,8 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
             else "they come in order of time",
             "REORDERED",
         ),
+        Effect("lines across the lens", "LENS" in active and settings.slice_lens == "line",
+               f"slice_lens={settings.slice_lens!r}", "LENS_LINES"),
         Effect("culling", True, f"cull={settings.cull!r}", f"CULL_{settings.cull.upper()}"),
         Effect("edge functions over time", settings.test == "edges", f"test={settings.test!r}",
                "TEST_EDGES"),
@@ -141,7 +143,7 @@ def _own_sizes(settings: Settings, active: set[str]) -> dict[str, int | str]:
     samples = sample_count(settings)
     if "PATTERN_JITTERED" in active:
         sizes["GRID_X"] = _nearest_divisor(samples)
-    if "PATTERN_SLICES" in active:
+    if active & {"PATTERN_SLICES", "LENS_LINES"}:
         sizes["SLICES"] = settings.slices
     if settings.frameless > 1:
         sizes |= {"FRAMELESS": settings.frameless, "FRAMELESS_STEP": _step(settings.frameless)}

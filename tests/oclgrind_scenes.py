@@ -223,6 +223,12 @@ SCENES = {
     "accumulation": Small(
         colorful, {"method": "accumulation", "slices": 3, "samples": 2, "motion_segments": 1}
     ),
+    "accumulation, lines": Small(
+        lambda: [triangles(4)],
+        {"method": "accumulation", "slices": 3, "samples": 2, "motion_segments": 1,
+         "slice_lens": "line"},
+        Camera(**LENS),
+    ),
 }  # fmt: skip
 
 

@@ -145,7 +145,7 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
                "hybrid": True, "frameless": 4, "shadow_map": 64,
                "shadow_strata": 2, "shadow_bias": 1.5, "statistics": True}  # fmt: skip
     slices = {"method": "accumulation", "slices": 7, "slice_times": "jittered",
-              "shading_rate": "pixel"}  # fmt: skip
+              "slice_lens": "line", "shading_rate": "pixel"}  # fmt: skip
     seen = {"aovs": "events", "event_steps": 7}
     ways = (values, sampled, slices, seen)
     assert set().union(*ways) == {setting.name for setting in fields(Settings)}

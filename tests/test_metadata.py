@@ -56,7 +56,8 @@ def test_the_matrices_take_world_points_to_the_camera_at_open_and_close():
 
 
 SAMPLED = ("cull", "cull_tile", "test", "shading_rate", "hybrid", "frameless", "slices",
-           "slice_times", "statistics", "shadow_map", "shadow_strata", "shadow_bias")  # fmt: skip
+           "slice_times", "slice_lens", "statistics", "shadow_map", "shadow_strata",
+           "shadow_bias")  # fmt: skip
 """Settings of methods that draw samples."""
 
 

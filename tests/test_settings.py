@@ -39,6 +39,7 @@ WRONG = {
     "frameless": [0, 65, 4.0, True],
     "slices": [0, 4097, 8.0, None],
     "slice_times": ["now", None],
+    "slice_lens": ["disc", None],
     "statistics": [1, "all", None],
     "aovs": ["depht", ["uv", 1], 3, "uv;depth", {"uv": 1}],
     "cryptomatte_levels": [0, 3, 22, 6.0, None, "6"],

@@ -33,6 +33,8 @@ WRONG = [
     ({"method": "accumulation", "slices": 4096, "samples": 64}, "at most 65536"),
     ({"samples": 300}, "that has 1 to 256"),
     ({"method": "stochastic", "filter": "five_point", "samples": 1}, "for method='analytic'"),
+    ({"method": "stochastic", "slice_lens": "line"}, "it is for method='accumulation'"),
+    ({"slice_lens": "line"}, "it is for method='accumulation'"),
     ({"method": "accumulation", "slice_times": "now"}, "'uniform', 'jittered', 'stochastic'"),
 ]
 

@@ -170,6 +170,18 @@ static void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixe
 }
 #endif
 
+#ifdef LENS_LINES
+// Akenine-Moeller et al. 2007, 4.2: all samples of a slice look through one line across the lens,
+// each at a place of its own, drawn in each pixel.
+static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
+{
+    const uint slice = l / (SAMPLES / SLICES);
+    uint16 frame = (uint16)(mix_bits(tile->scene.seed + 13u));
+    d->u = scrambled(sobol_reversed(slice, 1), frame + 1u);
+    d->v = scrambled(sobol_reversed(l, 2), seeds->v);
+}
+#endif
+
 #ifdef FILTER_TABLE
 // Where in the filter's reach the fraction `share` of its weight lies to the left.
 static Lanes warped_to_filter(const Tile *tile, Lanes share)
@@ -204,7 +216,9 @@ static Lanes times_of_light(const Tile *tile, int block, Lanes passed)
 #ifdef LENS
 static inline float2 lens_point(float u, float v)
 {
-#ifdef BLADES
+#if defined(LENS_LINES)
+    return square_to_lines((float2)(u, v));
+#elif defined(BLADES)
     return square_to_polygon((float2)(u, v));
 #else
     return square_to_disc((float2)(u, v));
@@ -221,6 +235,9 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
 #endif
 #ifdef PATTERN_INTERLEAVE_UVT
     draw_interleaved(tile, l, block_x(block), block_y(block), &d);
+#endif
+#ifdef LENS_LINES
+    draw_line(tile, l, seeds, &d);
 #endif
 #ifdef FRAMELESS
     // Every FRAMELESS-th pixel sees its part of the shutter only.
