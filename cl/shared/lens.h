@@ -26,7 +26,8 @@ static float2 square_to_polygon(float2 square)
 #endif
 
 #ifdef LENS_LINES
-// Likewise along lines that go from rim to rim through the middle: x says which line, y where on it.
+// Likewise along lines that go from rim to rim through the middle: x says which line, y where on
+// it.
 // Areas are kept, so that places crowd towards the rim as all lines together do in the middle. (A
 // line's halves begin half the rim apart, which with an odd number of blades bends it a little.)
 static float2 square_to_lines(float2 square)
