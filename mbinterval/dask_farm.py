@@ -262,8 +262,8 @@ class _Farm:
                 future = self.done.get(timeout=_PATIENCE)
                 break
             except queue.Empty:
-                if not self.alone and not self.client.nthreads():
-                    _log.warning("mbinterval: no Dask worker is there; waiting for one")
+                if not self.alone and not set(self.client.nthreads()) - self.failed:
+                    _log.warning("mbinterval: no Dask worker that works is there; waiting for one")
                     self.alone = True
         task, band = self.running.pop(future)
         done = self._result(future, task)
