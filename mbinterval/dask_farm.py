@@ -10,36 +10,26 @@ from __future__ import annotations
 import logging
 import math
 import queue
-import threading
-import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import mbinterval
-from mbinterval.batch import Job, Task, identified, opened, plan_tasks
+from mbinterval.batch import Job, Task, identified, plan_tasks
 from mbinterval.checks import whole_number
+from mbinterval.dask_worker import Done, Order, render_part
 from mbinterval.engines import Engine, Outcome, Outcomes, Tell
-from mbinterval.errors import (
-    CapacityError,
-    DeviceError,
-    MbintervalError,
-    SceneError,
-    UsageError,
-)
+from mbinterval.errors import DeviceError, UsageError
 from mbinterval.film import Film
 from mbinterval.frames import parse_frames, resolution
 from mbinterval.parts import Crop, join, split
-from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
 
 _log = logging.getLogger(__name__)
 
 _LARGE = 2**23
-"""Pixels of a task, if a frame has more: a frame of 4k stays whole."""
+"""Pixels of a task, if a frame has more: one of 3840 x 2160 stays whole."""
 
 _PATIENCE = 5.0
 """Seconds between looks at whether any worker is left."""
@@ -109,31 +99,6 @@ def farm(
     engine = on_dask(dask, parts)
     for outcome in engine(job, plan_tasks(job), lambda _number, _label: None):
         yield outcome.task.frame, outcome.rendered()
-
-
-@dataclass(frozen=True, eq=False)
-class Order:
-    """What a worker must know of a job. ``files`` are digests by path, beside ``source``."""
-
-    source: str
-    files: Mapping[str, str]
-    program: str
-    animation: tuple[str | int | None, float | None]
-    shutter: tuple[float, float] | None
-    resolution: tuple[int, int]
-    settings: Settings
-    device: Any
-    memory: int | None
-
-
-@dataclass(frozen=True, eq=False)
-class Done:
-    """What a worker sends back: a film or an error, seconds, and its address."""
-
-    film: Film | None
-    error: BaseException | None
-    seconds: float
-    worker: str
 
 
 def on_dask(dask: Any, parts: int | None = None) -> Engine:
@@ -262,8 +227,8 @@ class _Farm:
                 future = self.done.get(timeout=_PATIENCE)
                 break
             except queue.Empty:
-                if not self.alone and not self.client.nthreads():
-                    _log.warning("mbinterval: no Dask worker is there; waiting for one")
+                if not self.alone and not set(self.client.nthreads()) - self.failed:
+                    _log.warning("mbinterval: no Dask worker that works is there; waiting for one")
                     self.alone = True
         task, band = self.running.pop(future)
         done = self._result(future, task)
@@ -302,69 +267,3 @@ class _Farm:
             lost = DeviceError(f"{task.label}: Dask's scheduler gave it up ({error})")
             return Done(None, lost, 0.0, "")
         return done
-
-
-def render_part(order: Order, frame: int, camera: int | None, crop: Crop) -> Done:
-    """Render a band of a frame; runs on a worker."""
-    from distributed import get_worker
-
-    worker = str(get_worker().address)
-    started = time.perf_counter()
-    try:
-        scene = _scene_of(order, worker)
-        film = mbinterval.render(
-            scene if camera is None else scene.through(camera),
-            frame=frame,
-            width=order.resolution[0],
-            height=order.resolution[1],
-            settings=order.settings,
-            device=order.device,
-            crop=crop,
-            memory=order.memory,
-        )
-    except (MbintervalError, MemoryError) as error:
-        kind = CapacityError if isinstance(error, MemoryError) else type(error)
-        told = kind(f"{Path(order.source).name}: frame {frame}: on {worker}: {error}")
-        return Done(None, told, time.perf_counter() - started, worker)
-    film = replace(film, device=f"{film.device} at {worker}")
-    return Done(film, None, time.perf_counter() - started, worker)
-
-
-_scenes: dict[tuple[Any, ...], Scene] = {}
-_lock = threading.Lock()
-
-
-def _scene_of(order: Order, worker: str) -> Scene:
-    """Scene of an order, read once by a worker and kept until another one is asked for."""
-    from mbinterval.provenance import program_digest
-    from mbinterval.scene.load import load_file
-
-    if program_digest() != order.program:
-        raise UsageError(
-            f"the worker has another mbinterval (here {mbinterval.__version__}); install the same "
-            "one everywhere"
-        )
-    files = tuple(sorted(order.files.items()))
-    key = order.source, files, order.animation, order.shutter
-    with _lock:
-        if key not in _scenes:
-            _check_files(Path(order.source), order.files)
-            clip, fps = order.animation
-            scene = load_file(order.source, clip=clip, fps=fps).scene
-            _scenes.clear()
-            _scenes[key] = opened(scene, order.shutter)
-        return _scenes[key]
-
-
-def _check_files(source: Path, files: Mapping[str, str]) -> None:
-    """Refuse files that are not those of the process that asked."""
-    from mbinterval.provenance import file_digests
-
-    for name, digest in files.items():
-        path = source.parent / name
-        if not path.is_file():
-            raise SceneError(
-                f"{path}: is not there; a scene's files must be at the same path on every worker"
-            )
-        if file_digests([path])[path.name] != digest:
-            raise SceneError(f"{path}: is another file than where the job was started; copy it")
