@@ -122,7 +122,8 @@ def test_what_is_damaged_is_noticed_and_rendered_again(batch, how, ending):
     code, frames, _ = batch("--frames", "1-8", *output)
     assert code == 0
     kept = set(range(1, 9)) - set(frames)
-    assert len(kept) <= 2  # a flipped bit of padding, or one that decoders don't look at
+    # A flipped bit of padding, or one that decoders don't look at: headers of archives have more.
+    assert len(kept) <= (4 if ending == "npz" else 2)
     for name, data in batch.files("a.*").items():
         if int(name[2:6]) not in kept:
             assert data == whole[name]
