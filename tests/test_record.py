@@ -13,18 +13,19 @@ from mbinterval import record
 from mbinterval.aovs import RECORDED
 from mbinterval.device import records
 from mbinterval.errors import CapacityError
-from mbinterval.scene.model import Camera, Light, Scene, Shutter
+from mbinterval.scene.model import Camera, Light, Material, Scene, Shutter
 
 SIZE = (40, 24)
 LIGHTS = (Light("ambient", intensity=0.3), Light("directional", direction=(0, -1, -1)))
+LAMP = Light("point", position=(0.2, 0.5, 0.0), shadows=True)
 WHOLE = {"aovs": RECORDED, "event_steps": 1}
 """Everything that is made of spans, none of them in parts."""
 NO_TIMES = {"aovs": tuple(name for name in RECORDED if name != "events")}
 
 
-def film(meshes, camera=UNIT_CAMERA, shutter=None, crop=None, **settings) -> mb.Film:
+def film(meshes, camera=UNIT_CAMERA, shutter=None, lights=LIGHTS, crop=None, **settings) -> mb.Film:
     fields = {} if shutter is None else {"shutter": shutter}
-    of = Scene(meshes=meshes, camera=camera, lights=LIGHTS, **fields)
+    of = Scene(meshes=meshes, camera=camera, lights=lights, **fields)
     chosen = mb.Settings(**({"samples": 2, "transparent": True, "texture_samples": 4} | settings))
     return mb.render(of, width=SIZE[0], height=SIZE[1], settings=chosen, crop=crop)
 
@@ -52,6 +53,12 @@ WAYS = {
     "mask": (colorful, NO_TIMES | {"occlusion": 64, "partial_bits": True}, {}),
     "triangulated": (colorful, NO_TIMES | {"paths": "triangulated"}, {}),
     "nothing moves": (lambda: [triangles(6, moving=False)], WHOLE, {}),
+    "shadows": (seen_through, WHOLE, {"lights": (LIGHTS[0], LAMP)}),
+    "shadows, nothing moves": (
+        lambda: [mesh(False, material=Material())],
+        WHOLE,
+        {"lights": (LIGHTS[0], LAMP)},
+    ),
     "empty": (list, WHOLE, {}),
 }
 
