@@ -126,12 +126,10 @@ def plan_tasks(job: Job) -> list[Task]:
     Raises
     ------
     UsageError
-        Where two of them, or two outputs, would go to one file, or onto a file of the scene, where
-        what is asked for has no file to go to, and where a file's kind needs a missing package.
+        Where two of them, or two outputs, would go to one file, or onto a file of the scene.
     """
     from mbinterval.provenance import frame_identity
 
-    _check_exports(job)
     tasks = []
     for camera in job.cameras or (None,):
         scene = job.scene if camera is None else job.scene.through(camera)
@@ -160,8 +158,8 @@ def _camera_name(scene: Scene, camera: int | None) -> str:
     return scene.camera.name or ("camera" if camera is None else str(camera))
 
 
-def _check_exports(job: Job) -> None:
-    """Refuse what is asked for and would go to no file, and files that could not be written."""
+def check_exports(job: Job) -> None:
+    """Raise `UsageError` for what would go to no file, and for a file of a missing package's."""
     files = {export_of(output) for output in job.outputs}
     ends = {"deep": FRAME_PLACE + DEEP, "events": FRAME_PLACE + ".npz"}
     for name in EXPORTS:

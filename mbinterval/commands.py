@@ -37,13 +37,14 @@ _log = logging.getLogger(__name__)
 
 def render(arguments: argparse.Namespace) -> None:
     """``mbinterval render``: the frames that are not complete; each note about the scene once."""
-    from mbinterval.batch import plan_tasks, prepare, survey
+    from mbinterval.batch import check_exports, plan_tasks, prepare, survey
     from mbinterval.device.choose import THREADS
     from mbinterval.joblog import JobLog
 
     if arguments.threads is not None:
         os.environ[THREADS] = str(arguments.threads)
     job = make_job(arguments)
+    check_exports(job)
     tasks = plan_tasks(job)
     engine = _engine(arguments)
     prepare(tasks)

@@ -358,8 +358,9 @@ class EventTable:
             raise CapacityError(
                 f"the frame's events take more than the {self._memory / 2**20:.0f} MiB that there "
                 f"are for them: {self._bytes / 2**20:.0f} MiB for {done:.0%} of the samples, so "
-                f"about {self._bytes / done / 2**20:.0f} MiB in all; allow more memory, or render "
-                "crops, or with fewer samples or event_steps"
+                f"up to about {self._bytes / done / 2**20:.0f} MiB in all, since tiles with the "
+                "most come first; allow more memory, or render crops, or with fewer samples or "
+                "event_steps"
             )
 
     def result(self) -> Events:

@@ -159,6 +159,7 @@ def test_what_would_go_to_no_file_is_refused_before_anything_is_rendered(batch):
         code, frames, said = batch("--aovs", f"uv,{name}", "-o", "a.####.exr")
         assert (code, frames) == (2, [])
         assert f"{name} goes to files of its own; add an output such as {ending}" in said
+        assert cli.main(["info", "s.toml", *OPTIONS, "--aovs", name]) == 0
     code, _, said = batch("-o", "a.npz", "--method", "stochastic")
     assert code == 2
     assert "aovs=('events',) with method='stochastic'" in said
