@@ -453,6 +453,7 @@ def test_damaged_documents_are_scene_errors(tmp_path, damage):
         ("accessors 0 count", 10**30, r"accessors\[0\].count: expected a whole number from 0 up"),
         ("accessors 0 bufferView", None, r"accessors\[0\] has 4294967295 elements and no data"),
         ("meshes", {}, "meshes: expected a list, got {}"),
+        ("meshes 0 primitives 0 attributes", None, r"primitives\[0\].attributes: is missing"),
         ("meshes 0 primitives 0 attributes", [], r"primitives\[0\].attributes: expected an object"),
         (
             "extensions",
@@ -490,6 +491,15 @@ def test_a_syntax_error_has_its_line_and_column(tmp_path):
     (tmp_path / "a.gltf").write_text('{"asset":\n {"version": }}')
     with pytest.raises(SceneError, match=r"Expecting value \(at line 2, column 14 of its JSON\)"):
         read_gltf(tmp_path / "a.gltf", 24.0)
+
+
+def test_a_file_whose_first_chunk_is_another_is_refused(tmp_path):
+    gltf = Gltf()
+    gltf.node(mesh=gltf.triangle())
+    data = gltf.write(tmp_path / "a.glb").read_bytes()
+    (tmp_path / "a.glb").write_bytes(data.replace(b"JSON", b"JSOX", 1))
+    with pytest.raises(SceneError, match=r"a\.glb: its first chunk is not JSON"):
+        read_gltf(tmp_path / "a.glb", 24.0)
 
 
 def test_a_broken_channel_is_named(tmp_path):

@@ -42,6 +42,7 @@ _CHOICES: dict[str, tuple[Any, ...]] = {
 }
 _LENGTHS = {"translation": 3, "rotation": 4, "scale": 3, "matrix": 16, "baseColorFactor": 4}
 _OPTIONAL = {"Image", "GLTF2.scene"}  # the records say that these are required
+_REQUIRED = {"Primitive.attributes"}  # and that this one is not
 _LARGEST = 2**32 - 1
 
 _INDEX, _NUMBER, _TEXT, _VECTOR = int, float, str, list[float]
@@ -92,7 +93,7 @@ def _fields(record: Any) -> Mapping[str, tuple[Any, bool]]:
         names = {record.__name__, f"{record.__name__}.{field.name}"}
         if field.name not in ("extensions", "extras"):
             needed = field.default is None and not optional and not names & _OPTIONAL
-            found[field.name] = hint, needed
+            found[field.name] = hint, needed or bool(names & _REQUIRED)
     return found
 
 

@@ -43,6 +43,8 @@ class GltfData:
         self.files = [path]
         data = path.read_bytes()
         binary = data[:4] == b"glTF"
+        if binary and data[16:20] != b"JSON":
+            raise SceneError("its first chunk is not JSON; the file is damaged or not glTF 2.0")
         text = data[20 : 20 + int.from_bytes(data[12:16], "little")] if binary else data
         tree = _parsed(text)
         check_document(tree)
