@@ -157,8 +157,8 @@ SCENES = {
         scene={"lights": LAMPS},
     ),
     "shadows, pools grow": Small(
-        lambda: [triangles(60, material=Material("clay"))], {"samples": 1}, capacity=24,
-        scene={"lights": LAMPS},
+        lambda: [triangles(12, material=Material("clay"))], {"samples": 1}, capacity=10,
+        scene={"lights": LAMPS[:2]},
     ),
     "stochastic, shadows": Small(shaded, {"samples": 3} | POINTS, scene={"lights": LAMPS}),
     "stochastic, shadow map": Small(
