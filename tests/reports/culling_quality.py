@@ -16,7 +16,7 @@ from mbinterval.images import write_png
 PATTERNS = ("interleave_uvt", "sobol", "jittered", "random")
 COUNTS = (4, 16, 64)
 BLOCK = 8
-PICTURE = "../scenes/pictures/interleave_uvt.png"
+PICTURE = "../../scenes/pictures/interleave_uvt.png"
 
 
 def half_size(**values: object) -> np.ndarray:

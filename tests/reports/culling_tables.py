@@ -1,4 +1,4 @@
-"""What the papers on point samples claim, redone: writes ``docs/point-sampling.md``.
+"""What the papers on point samples claim, redone: writes ``tests/reports/point-sampling.md``.
 
     python tests/reports/culling_tables.py [--quick] [--output FILE.md] [--picture FILE.png]
 
