@@ -177,8 +177,8 @@ static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
 {
     const uint slice = l / (SAMPLES / SLICES);
     uint16 frame = (uint16)(mix_bits(tile->scene.seed + 13u));
-    d->u = scrambled(sobol_reversed(slice, 1), frame + 1u);
-    d->v = scrambled(sobol_reversed(l, 2), seeds->v);
+    d->u = scrambled(sobol(slice, 1), frame + 1u);
+    d->v = scrambled(sobol(l, 2), seeds->v);
 }
 #endif
 
