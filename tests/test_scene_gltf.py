@@ -460,6 +460,7 @@ def test_damaged_documents_are_scene_errors(tmp_path, damage):
             {"KHR_lights_punctual": {"lights": [3]}},
             r"lights\[0\]: expected an object",
         ),
+        ("extensions", {"KHR_lights_punctual": {"lights": [{}]}}, r"lights\[0\].type: is missing"),
         ("nodes 0 extensions", 1.5, r"nodes\[0\].extensions: expected an object, got 1.5"),
     ],
 )

@@ -146,6 +146,8 @@ def _extensions(extensions: Any, place: str) -> Iterator[Problem]:
             at = f"{place}.{name}.lights[{index}]"
             if isinstance(light, dict):
                 yield from _known(light, _LIGHT, at)
+                if light.get("type") is None:
+                    yield f"{at}.type", "is missing"
             else:
                 yield at, _expected("an object", light)
 
