@@ -113,7 +113,7 @@ def test_shipped_scenes_agree_with_the_exact_twin(name):
     if scene.camera.f_stop is not None:  # and has no lens (likewise)
         pinhole = replace(scene.camera, f_stop=None, focus_distance=None)
         scene = replace(scene, camera=pinhole)
-    settings = mb.Settings(samples=1)
+    settings = mb.Settings(samples=1, shadows="off")  # nor shadows (tests/test_shadows.py)
     film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
     error = film.rgba - twin(exposed(scene, settings), settings).rgba
     print(f"\n{name}: RMSE {rms(error):.1e}, greatest {np.abs(error).max():.1e}")
