@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA
 from oclgrind_scenes import LENS, ROLL, SCENES, colorful, seen_through, triangles
+from shadow_scenes import AMBIENT, CAMERA, LAMP, plate
 from test_plan import builds_without, mesh, plan
 
 import mbinterval as mb
@@ -13,11 +14,11 @@ from mbinterval import record
 from mbinterval.aovs import RECORDED
 from mbinterval.device import records
 from mbinterval.errors import CapacityError
-from mbinterval.scene.model import Camera, Light, Material, Scene, Shutter
+from mbinterval.scene.model import Camera, Light, Scene, Shutter
 
 SIZE = (40, 24)
 LIGHTS = (Light("ambient", intensity=0.3), Light("directional", direction=(0, -1, -1)))
-LAMP = Light("point", position=(0.2, 0.5, 0.0), shadows=True)
+FLOOR = plate((0, 0, 0), 4.0)
 WHOLE = {"aovs": RECORDED, "event_steps": 1}
 """Everything that is made of spans, none of them in parts."""
 NO_TIMES = {"aovs": tuple(name for name in RECORDED if name != "events")}
@@ -53,11 +54,15 @@ WAYS = {
     "mask": (colorful, NO_TIMES | {"occlusion": 64, "partial_bits": True}, {}),
     "triangulated": (colorful, NO_TIMES | {"paths": "triangulated"}, {}),
     "nothing moves": (lambda: [triangles(6, moving=False)], WHOLE, {}),
-    "shadows": (seen_through, WHOLE, {"lights": (LIGHTS[0], LAMP)}),
-    "shadows, nothing moves": (
-        lambda: [mesh(False, material=Material())],
+    "shadows": (
+        lambda: [*seen_through(), FLOOR, plate((-0.6, 0.9, 0), 0.8, (1.1, 0.2, 0.3))],
         WHOLE,
-        {"lights": (LIGHTS[0], LAMP)},
+        {"lights": (AMBIENT, LAMP), "camera": CAMERA},
+    ),
+    "shadows, nothing moves": (
+        lambda: [FLOOR, plate((0, 0.9, 0), 0.8)],
+        WHOLE,
+        {"lights": (AMBIENT, LAMP), "camera": CAMERA},
     ),
     "empty": (list, WHOLE, {}),
 }

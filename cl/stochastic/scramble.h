@@ -10,24 +10,6 @@
 #include "shared/lanes.h"
 #include "shared/sobol.h"
 
-static inline uint16 mix_lanes(uint16 x)
-{
-    x ^= x >> 16;
-    x *= 0x7feb352du;
-    x ^= x >> 15;
-    x *= 0x846ca68bu;
-    return x ^ x >> 16;
-}
-
-static inline uint16 reverse_lanes(uint16 x)
-{
-    x = x << 16 | x >> 16;
-    x = (x & 0x00ff00ffu) << 8 | (x >> 8 & 0x00ff00ffu);
-    x = (x & 0x0f0f0f0fu) << 4 | (x >> 4 & 0x0f0f0f0fu);
-    x = (x & 0x33333333u) << 2 | (x >> 2 & 0x33333333u);
-    return (x & 0x55555555u) << 1 | (x >> 1 & 0x55555555u);
-}
-
 static inline Lanes unit_lanes(uint16 x) { return convert_float16(as_int16(x >> 8)) * 0x1p-24f; }
 
 // Owen's nested scrambling of a binary fraction, one for each seed.
