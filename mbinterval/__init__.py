@@ -20,7 +20,9 @@ __all__ = [
     "Camera",
     "CapacityError",
     "Comparison",
+    "DeepImage",
     "DeviceError",
+    "Events",
     "Film",
     "KernelBuildError",
     "Light",
@@ -40,6 +42,7 @@ __all__ = [
     "compare",
     "devices",
     "errors",
+    "farm",
     "load",
     "load_file",
     "read_image",
@@ -61,10 +64,13 @@ _HOMES = {
     **dict.fromkeys(("Shutter", "Texture"), "scene.model"),
     **dict.fromkeys(("Track", "Transform"), "scene.tracks"),
     "Comparison": "comparison",
+    "DeepImage": "deep",
+    "Events": "events",
     "Film": "film",
     "Settings": "settings",
     "compare": "comparison",
     "devices": "device.choose",
+    "farm": "dask_farm",
     "load": "scene.load",
     "load_file": "scene.load",
     "read_image": "images",
@@ -75,6 +81,8 @@ _HOMES = {
 if TYPE_CHECKING:
     from mbinterval import errors
     from mbinterval.comparison import Comparison, compare
+    from mbinterval.dask_farm import farm
+    from mbinterval.deep import DeepImage
     from mbinterval.device.choose import devices
     from mbinterval.errors import (
         CapacityError,
@@ -85,6 +93,7 @@ if TYPE_CHECKING:
         SceneError,
         UsageError,
     )
+    from mbinterval.events import Events
     from mbinterval.film import Film
     from mbinterval.images import read_image
     from mbinterval.renderer import render

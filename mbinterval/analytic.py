@@ -1,9 +1,10 @@
 """The analytic path: visibility solved as time intervals.
 
     exact:        paths -> bin -> [place -> nearest -> solve -> envelope (or mask, or stack)
-                                   -> shade -> moment -> resolve] -> share
+                                   -> shadow -> shade -> record -> moment -> resolve] -> share
     triangulated: paths -> bin -> [place -> nearest -> rasterize -> intervals -> sort -> occlude
-                                   -> shade -> moment -> resolve] -> share     (Hong & Oh 2017)
+                                   -> shade -> record -> moment -> resolve] -> share
+                                                                               (Hong & Oh 2017)
 
 Each word is a stage: a file in ``cl/analytic``, an entry in the plan, and a key of the timings.
 The bracketed stages run fused, tile by tile, in one kernel (``tile.cl``, ``tiles.py``), so that
@@ -23,8 +24,10 @@ from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.motion import Motion
 from mbinterval.plan import Plan
+from mbinterval.record import Recorder, collectors_of
 from mbinterval.sampling import reach_of
 from mbinterval.scene.exposure import Exposure
+from mbinterval.shadows import prepare_shadows
 from mbinterval.tiles import render_tiles
 from mbinterval.work import (
     Pixels,
@@ -52,7 +55,11 @@ def render_analytic(
     work = Work(runtime, plan, upload_scene(runtime, exposure, motion, plan), exposure)
     _run_paths(work, motion)
     listed = _run_bin(work, motion)
-    stats = render_tiles(work, listed, progress)
+    if "shadow" in plan.stages:
+        prepare_shadows(work, motion)
+    takers = collectors_of(work, motion)
+    recorder = Recorder(work, tuple(takers.values())) if takers else None
+    stats = render_tiles(work, listed, progress, recorder)
     if "share" in plan.stages:
         work.timings["share"] = 0.0
         for name in ("rgba", "sharp"):
@@ -61,11 +68,15 @@ def render_analytic(
     left, top = plan.crop[0] - plan.region[0], plan.crop[1] - plan.region[1]
     part = np.s_[top : top + plan.crop[3], left : left + plan.crop[2]]
     region = plan.region[3], plan.region[2]
+    made = {name: taker.result() for name, taker in takers.items()}
+    deep, events = made.pop("deep", None), made.pop("events", None)
     return Pixels(
         rgba=runtime.download(work.buffers["rgba"], (plan.crop[3], plan.crop[2], 4), np.float32),
         depth=runtime.download(work.buffers["depth"], region, np.float32)[part],
         intervals=runtime.download(work.buffers["met"], region, np.uint32)[part],
-        layers=_layers(work, motion, part),
+        layers=_layers(work, motion, part) | made,
+        deep=deep,
+        events=events,
         timings=work.timings,
         stats=stats,
     )

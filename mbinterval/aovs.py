@@ -24,10 +24,14 @@ if TYPE_CHECKING:  # settings are checked before anything heavy is imported
 
 @dataclass(frozen=True)
 class Aov:
-    """A layer: its channels in EXR files, and whether they are whole numbers (uint32)."""
+    """A layer: its channels in EXR files, and whether they are whole numbers (uint32).
+
+    ``ranked`` ones have more channels of the same kind, numbered on.
+    """
 
     channels: tuple[str, ...]
     whole: bool = False
+    ranked: bool = False
 
     @property
     def dtype(self) -> str:
@@ -45,6 +49,10 @@ AOVS: Mapping[str, Aov] = {
     "object": Aov(("object.id",), whole=True),
     "material": Aov(("material.id",), whole=True),
     "operations": Aov(("operations.count",), whole=True),
+    **{
+        name: Aov(tuple(f"{name}00.{channel}" for channel in "RGBA"), ranked=True)
+        for name in ("crypto_object", "crypto_material")
+    },
 }
 """Every layer by its name.
 
@@ -73,11 +81,24 @@ AOVS: Mapping[str, Aov] = {
 ``operations``
     ``(H, W)`` uint32: how many triangles and motion paths the pixel's samples were tested against.
     As a measure of work it depends on ``tile_size``; exact paths only.
+``crypto_object``, ``crypto_material``
+    ``(H, W, 2 * cryptomatte_levels)`` float32: Cryptomatte (`mbinterval.cryptomatte`): pairs of an
+    ID and its coverage over pixel and shutter, the largest first; 0 where there are no more.
 """
 
-MACROS: Mapping[str, str] = {name: f"AOV_{name.upper()}" for name in AOVS} | dict.fromkeys(
-    ("object", "material"), "AOV_MESH"
-)
+EXPORTS = ("deep", "events")
+"""What else can be asked for under ``aovs``, and goes to files of its own: `mbinterval.deep` and
+`mbinterval.events`."""
+
+RECORDED = ("crypto_object", "crypto_material", *EXPORTS)
+"""Those that are made from all visible spans (stage "record")."""
+
+MACROS: Mapping[str, str] = {
+    **{name: f"AOV_{name.upper()}" for name in AOVS},
+    **dict.fromkeys(("object", "material"), "AOV_MESH"),
+    **dict.fromkeys(RECORDED, "RECORDED"),
+    **dict.fromkeys(EXPORTS, "RECORDED_COLOR"),
+}
 """What the kernels call each; objects and materials follow from the mesh."""
 
 MOMENTARY = ("depth", "normal", "uv", "forward", "backward", "object", "material")
@@ -95,17 +116,22 @@ def check_aovs(value: Any, what: str) -> tuple[str, ...]:
     elif value is None:
         names = []
     if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
-        raise refuse(value, what, f"names among {', '.join(AOVS)}")
+        raise refuse(value, what, f"names among {', '.join((*AOVS, *EXPORTS))}")
     for name in names:
-        if name not in AOVS:
-            near = nearest(name, AOVS)
+        if name not in (*AOVS, *EXPORTS):
+            near = nearest(name, (*AOVS, *EXPORTS))
             raise refuse(value, what, f"names of layers; {name!r} is unknown, {near}")
-    return tuple(name for name in AOVS if name in names)
+    return tuple(name for name in (*AOVS, *EXPORTS) if name in names)
+
+
+def planar(names: Sequence[str]) -> list[str]:
+    """Return those of ``names`` that the kernels write planes for."""
+    return [name for name in names if name != "sharp" and name not in RECORDED]
 
 
 def plane_count(names: Sequence[str]) -> int:
     """Return how many planes the kernels write for the layers of these ``names``."""
-    sizes = {MACROS[name]: len(AOVS[name].channels) for name in names if name != "sharp"}
+    sizes = {MACROS[name]: len(AOVS[name].channels) for name in planar(names)}
     return sum(sizes.values())
 
 
@@ -118,7 +144,7 @@ def split_planes(names: Sequence[str], planes: NDArray[np.uint32]) -> dict[str, 
 
     found: dict[str, NDArray[Any]] = {}
     first = 0
-    for macro in dict.fromkeys(MACROS[name] for name in names if name != "sharp"):
+    for macro in dict.fromkeys(MACROS[name] for name in planar(names)):
         name = next(name for name in AOVS if MACROS[name] == macro)
         count = len(AOVS[name].channels)
         part: NDArray[Any] = planes[first : first + count].view(AOVS[name].dtype)
@@ -127,12 +153,19 @@ def split_planes(names: Sequence[str], planes: NDArray[np.uint32]) -> dict[str, 
     return found
 
 
+def channel_names(name: str, count: int) -> list[str]:
+    """Return the names of a layer's ``count`` channels; of ranked ones RGBA, numbered on."""
+    if not AOVS[name].ranked:
+        return list(AOVS[name].channels)
+    return [f"{name}{place // 4:02d}.{'RGBA'[place % 4]}" for place in range(count)]
+
+
 def channels_of(layers: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Return the planes ``(H, W)`` of ``layers`` by channel."""
     found: dict[str, NDArray[Any]] = {}
     for name, pixels in layers.items():
-        channels = AOVS[name].channels
-        planes = pixels[..., None] if len(channels) == 1 else pixels
+        planes = pixels[..., None] if pixels.ndim == 2 else pixels
+        channels = channel_names(name, planes.shape[2])
         found |= {channel: planes[..., index] for index, channel in enumerate(channels)}
     return found
 
@@ -143,8 +176,12 @@ def layers_of(channels: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
     found: dict[str, NDArray[Any]] = {}
     for name, aov in AOVS.items():
-        planes = [channels[channel] for channel in aov.channels if channel in channels]
+        wanted = len(aov.channels)
+        if aov.ranked:
+            while all(channel in channels for channel in channel_names(name, wanted + 4)):
+                wanted += 4
+        planes = [channels[key] for key in channel_names(name, wanted) if key in channels]
         right = all((plane.dtype.kind == "u") == aov.whole for plane in planes)
-        if len(planes) == len(aov.channels) and right:
+        if len(planes) == wanted and right:
             found[name] = planes[0] if len(planes) == 1 else np.stack(planes, axis=2)
     return found

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.device import records
 from mbinterval.scene.model import Light, Material, Texture
+from mbinterval.settings import Settings
+
+if TYPE_CHECKING:
+    from mbinterval.scene.exposure import Exposure
 
 DEFAULT_MATERIAL = Material()
 
 Float32 = NDArray[np.float32]
+_LEAST_FADE = 1e-3
+"""Least difference of the cosines of a cone's angles, as KHR_lights_punctual has it."""
 LEAST_ROUGHNESS = 0.03
 """Below it a material shines as with it (``cl/shared/shading.h``)."""
 
@@ -36,8 +42,12 @@ def appearance(
     materials: Sequence[Material],
     lights: Sequence[Light],
     origin: NDArray[np.float64] | None = None,
+    casters: Sequence[int] = (),
 ) -> Appearance:
-    """Tables for ``materials`` (indices stay) and ``lights``, placed relative to ``origin``."""
+    """Tables for ``materials`` (indices stay) and ``lights``, placed relative to ``origin``.
+
+    ``casters`` are the places of the lights that cast shadows.
+    """
     textures = textures_of(materials)
     chains = [mip_chain(texture_image(texture, key[1])) for key, texture in textures.items()]
     texels = [level.reshape(-1, 4) for chain in chains for level in chain]
@@ -45,7 +55,18 @@ def appearance(
         materials=_material_table(materials, textures),
         textures=_texture_table(list(textures.values()), chains),
         texels=np.concatenate(texels) if texels else np.zeros((0, 4), np.float32),
-        lights=_light_table(lights, np.zeros(3) if origin is None else origin),
+        lights=_light_table(lights, np.zeros(3) if origin is None else origin, casters),
+    )
+
+
+def casting(exposure: Exposure, settings: Settings) -> tuple[int, ...]:
+    """Return the places of the lights that cast shadows, among the exposure's lights."""
+    if settings.shadows == "off":
+        return ()
+    return tuple(
+        index
+        for index, light in enumerate(exposure.lights)
+        if light.kind != "ambient" and (light.shadows or settings.shadows == "all")
     )
 
 
@@ -176,14 +197,27 @@ def _texture_table(textures: list[Texture], chains: list[list[Float32]]) -> NDAr
     return table
 
 
-def _light_table(lights: Sequence[Light], origin: NDArray[np.float64]) -> NDArray[np.void]:
+def _light_table(
+    lights: Sequence[Light], origin: NDArray[np.float64], casters: Sequence[int]
+) -> NDArray[np.void]:
     table = np.zeros(len(lights), records.LIGHT)
+    table["shadow"] = records.NONE
+    table["shadow"][list(casters)] = np.arange(len(casters))
     for row, light in zip(table, lights, strict=True):
         row["color"] = np.asarray(light.color) * light.intensity
         row["kind"] = records.LIGHT_KIND[light.kind]
-        if light.kind == "point":
+        if light.kind in ("point", "spot"):
             row["vector"] = np.asarray(light.position) - origin
         elif light.kind == "directional":
-            direction = np.asarray(light.direction)
-            row["vector"] = -direction / np.linalg.norm(direction)
+            row["vector"] = _back_along(light)
+        if light.kind == "spot":
+            inner, outer = np.cos(np.radians([light.inner_angle, light.outer_angle]))
+            row["axis"] = _back_along(light)
+            row["cone"] = np.array([1.0, -outer]) / max(inner - outer, _LEAST_FADE)
     return table
+
+
+def _back_along(light: Light) -> NDArray[np.float64]:
+    """Return the unit vector against the way that light travels."""
+    direction = np.asarray(light.direction, np.float64)
+    return np.asarray(-direction / np.linalg.norm(direction))

@@ -21,10 +21,18 @@ from pathlib import Path
 from typing import Any
 
 import mbinterval
+from mbinterval.aovs import EXPORTS
 from mbinterval.atomic import prepare_output, remove_leftovers
 from mbinterval.errors import OutputError, SceneError, UsageError
 from mbinterval.film import Film
-from mbinterval.frames import CAMERA_PLACE, FRAME_PLACE, frame_path, is_numbered
+from mbinterval.frames import (
+    CAMERA_PLACE,
+    DEEP,
+    FRAME_PLACE,
+    export_of,
+    frame_path,
+    is_numbered,
+)
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
 
@@ -51,6 +59,8 @@ class Job:
         Digests of the scene's files by path. Without any, no frame is known to be complete.
     animation
         Clip and frames per second that were asked for.
+    shutter
+        Opening and closing that were asked for, as `opened` applies them; part of the scene.
     """
 
     scene: Scene
@@ -65,6 +75,7 @@ class Job:
     cameras: tuple[int, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict)
     animation: tuple[str | int | None, float | None] = (None, None)
+    shutter: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -98,6 +109,15 @@ class Report:
     stats: Mapping[str, int]
     notes: tuple[str, ...]
     sizes: tuple[int, ...]
+
+
+def opened(scene: Scene, shutter: tuple[float, float] | None) -> Scene:
+    """``scene`` with another shutter, if any: when it opens and closes, for all cameras."""
+    if shutter is None:
+        return scene
+    changed = replace(scene.shutter, open=shutter[0], close=shutter[1])
+    cameras = [replace(view, shutter=None) for view in scene.cameras]
+    return replace(scene, shutter=changed, cameras=cameras)
 
 
 def plan_tasks(job: Job) -> list[Task]:
@@ -136,6 +156,21 @@ def _camera_name(scene: Scene, camera: int | None) -> str:
     if scene.camera is None:
         return "framing"
     return scene.camera.name or ("camera" if camera is None else str(camera))
+
+
+def check_exports(job: Job) -> None:
+    """Raise `UsageError` for what would go to no file, and for a file of a missing package's."""
+    files = {export_of(output) for output in job.outputs}
+    ends = {"deep": FRAME_PLACE + DEEP, "events": FRAME_PLACE + ".npz"}
+    for name in EXPORTS:
+        if name in job.settings.aovs and name not in files:
+            raise UsageError(
+                f"aovs: {name} goes to files of its own; add an output such as name.{ends[name]}"
+            )
+    if any(output.lower().endswith(".parquet") for output in job.outputs):
+        from mbinterval.events import check_parquet
+
+        check_parquet()
 
 
 def _check_clashes(job: Job, tasks: Sequence[Task]) -> None:
@@ -203,8 +238,6 @@ def survey(tasks: Sequence[Task]) -> dict[Task, str]:
 
 def render_task(job: Job, task: Task, progress: Progress | None = None) -> Film:
     """Render one frame; the film says what it is."""
-    from mbinterval.provenance import IDENTITY
-
     scene = job.scene if task.camera is None else job.scene.through(task.camera)
     with told_of(job.source, task.frame):
         film = mbinterval.render(
@@ -218,6 +251,13 @@ def render_task(job: Job, task: Task, progress: Progress | None = None) -> Film:
             memory=job.memory,
             progress=progress,
         )
+    return identified(task, film)
+
+
+def identified(task: Task, film: Film) -> Film:
+    """``film`` with the identity of the task that it was rendered for, if that has one."""
+    from mbinterval.provenance import IDENTITY
+
     if not task.identity:
         return film
     return replace(film, metadata={**film.metadata, IDENTITY: task.identity})

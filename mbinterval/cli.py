@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from mbinterval import __version__, commands
 from mbinterval import evaluation_options as evaluation
 from mbinterval import option_values as values
-from mbinterval.aovs import AOVS
+from mbinterval.aovs import AOVS, EXPORTS
 from mbinterval.checks import nearest
 from mbinterval.errors import MbintervalError, Terminated, exit_code
 from mbinterval.frames import parse_frames, parse_outputs
@@ -60,19 +60,29 @@ _SETTING_HELP = {
     "motion_segments": "linear motion segments per shutter, for meshes that state none; "
     "'none' chooses them by --motion-error",
     "motion_error": "greatest path error of chosen motion segments, in pixels",
+    "shadows": "which lights cast shadows: those that say so (lights), all, or none (off)",
     "seed": "seed of every pseudo-random choice",
     "transparent": "leave the background out; PNG gets an alpha channel",
     "aovs": "layers to find in the same pass, with commas between them: "
-    f"{', '.join(AOVS)}; 'none' overrules the scene file",
+    f"{', '.join((*AOVS, *EXPORTS))}; 'none' overrules the scene file",
     "aov_time": "when the sharp frame is, from 0 where the shutter opens to 1 where it closes",
+    "cryptomatte_levels": "IDs that a Cryptomatte keeps of each pixel: 2, 4, ... 20",
+    "deep_tolerance": "thickness of a deep image's slices, as a part of their depth",
+    "event_steps": "parts of the shutter in which events have a colour of their own, where it "
+    "changes",
     "cull": "which point samples a path is tested at",
     "cull_tile": "pixels along the edge of the tiles that culling bounds",
     "test": "how a point sample is tested: vertices or edges",
     "shading_rate": "shade every point sample, or once per pixel and triangle",
     "hybrid": "shade what does not move once per pixel",
     "frameless": "every n-th pixel sees its own part of the shutter",
+    "shadow_map": "look shadows of point samples up in maps of so many texels along an edge; "
+    "'none' traces rays",
+    "shadow_strata": "times in each texel of a shadow map",
+    "shadow_bias": "widths of a texel by which a shadow map spares what lies behind a surface",
     "slices": "pictures that accumulation averages",
     "slice_times": "uniform, jittered or stochastic",
+    "slice_lens": "through what of the lens a slice looks: a point of it, or a line across",
     "statistics": "count samples that were tested and hit",
     "tile_size": "edge of a tile in pixels; it changes speed, never the image",
 }
@@ -102,6 +112,7 @@ def _arguments(argv: list[str]) -> argparse.Namespace:
     if command and command not in COMMANDS:
         parser.error(f"unknown command {command!r}, {nearest(command, COMMANDS)}")
     arguments, rest = parser.parse_known_args(argv)
+    arguments.given = argv[1:]
     for text in rest:
         command_parser = arguments.parser
         if not text.startswith("-"):
@@ -144,10 +155,18 @@ def _parser() -> argparse.ArgumentParser:
     groups = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, (run, summary, takes) in COMMANDS.items():
         command = _command(groups, name, run, summary)
-        if name in ("render", "info"):
+        if name in ("render", "info", "openjd"):
             _add_scene_options(command)
-        if name == "render":
+        if name in ("render", "openjd"):
             _add_output_options(command)
+        if name == "openjd":
+            command.add_argument(
+                "--per-task",
+                type=values.argument(values.count),
+                default=1,
+                metavar="COUNT",
+                help="frames of a task [1]",
+            )
         if name == "bench":
             _add_bench_options(command)
         if name == "compare":
@@ -170,6 +189,7 @@ COMMANDS = {
     "study": (commands.study, "measure what accuracy costs in time, and write a report", "SCENE"),
     "recommend": (commands.recommend, "find settings that reach an error or a time", "SCENE"),
     "bench": (commands.bench, "measure seconds, work and error of the methods", "[SCENE ...]"),
+    "openjd": (commands.openjd, "print the batch as a template for render farms", "SCENE"),
     "devices": (commands.devices, "list the OpenCL devices", ""),
 }
 """What each command runs, its summary, and what it takes."""
@@ -268,7 +288,8 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         action="append",
         type=values.argument(parse_outputs),
         metavar="FILE",
-        help="where to write, .exr or .png; ####, %%04d or {frame:04} is the frame's number, "
+        help="where to write: .exr or .png, .deep.exr for the deep image, .npz or .parquet for the "
+        "events; ####, %%04d or {frame:04} is the frame's number, "
         "{camera} the camera's name. May be given several times, or as a list with commas "
         "[SCENE.####.exr]",
     )
@@ -285,7 +306,7 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
     )
     batch.add_argument(
         "--threads",
-        type=values.argument(values.threads),
+        type=values.argument(values.count),
         metavar="COUNT",
         help="threads of the CPU device [as many as there are cores]",
     )
@@ -294,6 +315,18 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         type=values.argument(values.size),
         metavar="SIZE",
         help="most memory that a frame may take, such as 800M or 2G [what there is]",
+    )
+    batch.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="render on the workers of the Dask scheduler there, such as tcp://10.0.0.1:8786; the "
+        "scene's files must be at the same path on all of them",
+    )
+    batch.add_argument(
+        "--parts",
+        type=values.argument(values.count),
+        metavar="COUNT",
+        help="with --dask, cut every frame into so many bands [as many as workers need]",
     )
     command.add_argument(
         "--stats",
@@ -307,7 +340,8 @@ def _add_device_option(group: Any) -> None:
     group.add_argument(
         "--device",
         metavar="NAME",
-        help="index or part of the name of an OpenCL device; see 'mbinterval devices'",
+        help="index or part of the name of an OpenCL device; see 'mbinterval devices'. render "
+        "shares frames out among several, with commas between them, or 'all'",
     )
 
 

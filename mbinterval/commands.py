@@ -7,10 +7,8 @@ import logging
 import os
 import re
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,14 +18,17 @@ from mbinterval.errors import MbintervalError, SceneError, UsageError
 from mbinterval.frames import (
     CAMERA_PLACE,
     FRAME_PLACE,
+    export_of,
     parse_frames,
     parse_outputs,
     resolution,
 )
+from mbinterval.option_values import several_devices
 from mbinterval.settings import SETTINGS, Settings, check_setting, conflicts
 
 if TYPE_CHECKING:
     from mbinterval.batch import Job, Task
+    from mbinterval.engines import Engine, Outcomes
     from mbinterval.joblog import JobLog
     from mbinterval.scene.model import Scene
 
@@ -36,14 +37,16 @@ _log = logging.getLogger(__name__)
 
 def render(arguments: argparse.Namespace) -> None:
     """``mbinterval render``: the frames that are not complete; each note about the scene once."""
-    from mbinterval.batch import plan_tasks, prepare, survey
+    from mbinterval.batch import check_exports, plan_tasks, prepare, survey
     from mbinterval.device.choose import THREADS
     from mbinterval.joblog import JobLog
 
     if arguments.threads is not None:
         os.environ[THREADS] = str(arguments.threads)
     job = make_job(arguments)
+    check_exports(job)
     tasks = plan_tasks(job)
+    engine = _engine(arguments)
     prepare(tasks)
     if arguments.stats:
         prepare_output(arguments.stats)
@@ -58,7 +61,11 @@ def render(arguments: argparse.Namespace) -> None:
                 log.frame(task, "complete")
         if len(waiting) < len(tasks):
             _log.info("%s", _complete(len(tasks) - len(waiting), len(tasks)))
-        _render_tasks(job, waiting, reasons, log, arguments.stats)
+        for task in waiting:
+            _log.debug("%s: %s", task.label, reasons[task])
+        with _progress(len(waiting)) as tell:
+            outcomes = engine(job, waiting, tell)
+            _write_outcomes(job, outcomes, reasons, log, arguments.stats)
 
 
 def _complete(complete: int, count: int) -> str:
@@ -68,22 +75,49 @@ def _complete(complete: int, count: int) -> str:
     return f"{which} {count} frames are complete and stay; --overwrite renders them again"
 
 
-def _render_tasks(
-    job: Job, tasks: Sequence[Task], reasons: Mapping[Task, str], log: JobLog, stats: str | None
+def _engine(arguments: argparse.Namespace) -> Engine:
+    """Who renders: Dask's workers, several devices, or one."""
+    from mbinterval.device.choose import choose_devices
+    from mbinterval.engines import on_devices, on_one_device
+
+    if arguments.parts is not None and not arguments.dask:
+        raise UsageError("--parts goes with --dask: one machine renders whole frames")
+    if arguments.dask:
+        if arguments.threads is not None:
+            raise UsageError("--threads is for this machine; of a worker say MBINTERVAL_THREADS")
+        if several_devices(arguments.device):
+            raise UsageError("--device names several; with --dask start a worker for each")
+        from mbinterval.dask_farm import on_dask
+
+        return on_dask(arguments.dask, arguments.parts)
+    if not several_devices(arguments.device):
+        return on_one_device
+    if arguments.memory is not None:
+        raise UsageError("--memory is for one device; --device names several")
+    return on_devices(choose_devices(arguments.device))
+
+
+def _write_outcomes(
+    job: Job,
+    outcomes: Outcomes,
+    reasons: Mapping[Task, str],
+    log: JobLog,
+    stats: str | None,
 ) -> None:
-    from mbinterval.batch import render_task, uninterrupted, write_task
+    """Write each frame as it is done; the first that failed ends the job."""
+    from mbinterval.batch import uninterrupted, write_task
     from mbinterval.stats_file import stats_row, write_stats
 
     said: set[str] = set()
     rows: list[dict[str, Any]] = []
-    with _progress(len(tasks)) as progress:
-        for number, task in enumerate(tasks, start=1):
-            _log.debug("%s: %s", task.label, reasons[task])
-            started, report = time.perf_counter(), None
+    count = sum(map(bool, reasons.values()))
+    with closing(outcomes):
+        for number, outcome in enumerate(outcomes, start=1):
+            task, report = outcome.task, None
             try:
-                film = render_task(job, task, progress(number, task.label))
+                film = outcome.rendered()
                 with uninterrupted():
-                    report = write_task(task, film, time.perf_counter() - started)
+                    report = write_task(task, film, outcome.seconds)
                     log.frame(task, "rendered", reason=reasons[task], report=report)
             except BaseException as error:
                 if report is None:
@@ -96,9 +130,23 @@ def _render_tasks(
             if stats:
                 rows.append(stats_row(task.frame, film, job.settings))
                 write_stats(stats, rows)
-            place, written = f"{number}/{len(tasks)}", ", ".join(map(str, task.paths))
+            place, written = f"{number}/{count}", ", ".join(map(str, task.paths))
             _log.info("%s (%s): %.2f s -> %s", task.label, place, report.seconds, written)
             _log.debug("%s", _timing_lines(report.timings))
+
+
+def openjd(arguments: argparse.Namespace) -> None:
+    """``mbinterval openjd``: the batch as an Open Job Description template."""
+    from mbinterval.batch import plan_tasks
+    from mbinterval.job_template import job_template, render_options
+
+    for name in ("dask", "parts", "stats"):
+        if getattr(arguments, name) is not None:
+            raise UsageError(f"--{name} does not go with a render farm, which runs frames itself")
+    job = make_job(arguments)
+    plan_tasks(job)
+    options = render_options(arguments.given, arguments.scene)
+    print(job_template(job, options, arguments.per_task))
 
 
 def info(arguments: argparse.Namespace) -> None:
@@ -231,7 +279,7 @@ def devices(_arguments: argparse.Namespace) -> None:
 
 def make_job(arguments: argparse.Namespace) -> Job:
     """Join command line and scene file; the command line wins."""
-    from mbinterval.batch import Job, plan_tasks
+    from mbinterval.batch import Job, opened, plan_tasks
     from mbinterval.provenance import file_digests
     from mbinterval.scene.load import load_file
 
@@ -243,21 +291,23 @@ def make_job(arguments: argparse.Namespace) -> Job:
         overruled["statistics"] = True
     loaded = load_file(arguments.scene, overruled=overruled, clip=arguments.clip, fps=arguments.fps)
     stored = loaded.render
-    scene = _scene(loaded.scene, arguments.shutter)
+    scene = opened(loaded.scene, arguments.shutter)
     cameras = _cameras(scene, arguments.camera)
+    outputs = _outputs(given.get("output"), stored.output, arguments.scene, len(cameras))
     job = Job(
         scene=scene,
         source=arguments.scene,
         frames=tuple(arguments.frames or parse_frames(stored.frames or "1")),
         resolution=resolution(arguments.width, arguments.height, stored.width, stored.height),
-        settings=_settings(arguments.scene, loaded.settings, overruled),
-        outputs=_outputs(given.get("output"), stored.output, arguments.scene, len(cameras)),
+        settings=_settings(arguments.scene, loaded.settings, overruled, outputs),
+        outputs=outputs,
         crop=arguments.crop,
         device=arguments.device,
         memory=given.get("memory"),
         cameras=cameras,
         files=file_digests(loaded.files),
         animation=(arguments.clip, arguments.fps),
+        shutter=arguments.shutter,
     )
     if not (arguments.frames or given.get("output") or cameras) and stored.frames and stored.output:
         try:
@@ -274,18 +324,14 @@ def _cameras(scene: Scene, names: Sequence[str] | None) -> tuple[int, ...]:
     return tuple(dict.fromkeys(scene.camera_index(name) for name in names or ()))
 
 
-def _scene(scene: Scene, shutter: tuple[float, float] | None) -> Scene:
-    """``scene`` with the shutter of the command line, if any: open and close, for all cameras."""
-    if shutter is None:
-        return scene
-    opened = replace(scene.shutter, open=shutter[0], close=shutter[1])
-    cameras = [replace(view, shutter=None) for view in scene.cameras]
-    return replace(scene, shutter=opened, cameras=cameras)
-
-
-def _settings(scene: str, stored: Mapping[str, Any], overruled: Mapping[str, Any]) -> Settings:
-    """Settings of the scene file under those of the command line."""
+def _settings(
+    scene: str, stored: Mapping[str, Any], overruled: Mapping[str, Any], outputs: Sequence[str]
+) -> Settings:
+    """Settings of the scene file under those of the command line, and what ``outputs`` need."""
     joined = {**stored, **overruled}
+    needed = list(dict.fromkeys(filter(None, map(export_of, outputs))))
+    if needed:
+        joined["aovs"] = check_setting("aovs", [*joined.get("aovs", ()), *needed])
     for conflict in conflicts(joined):
         theirs = [name for name in conflict.names if name in stored and name not in overruled]
         options = " or ".join(f"--{name.replace('_', '-')}" for name in theirs)

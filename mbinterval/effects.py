@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbinterval.alpha import has_vertex_alpha, is_translucent, varies
-from mbinterval.aovs import MACROS, MOMENTARY
+from mbinterval.aovs import MACROS, MOMENTARY, RECORDED
+from mbinterval.appearance import casting
 from mbinterval.sampling import filter_of, pattern_of
 from mbinterval.settings import Settings
 
@@ -40,7 +41,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
         *_shutter(exposure, moving),
         *_geometry(motion),
         *_transparency(exposure),
-        *_shading(exposure, motion),
+        *_shading(exposure, motion, settings),
         _over_time(motion, settings, moving),
         _footprint(motion, settings),
         *_film(exposure, settings),
@@ -133,21 +134,31 @@ def _transparency(exposure: Exposure) -> tuple[Effect, ...]:
     )
 
 
-def _shading(exposure: Exposure, motion: Motion) -> tuple[Effect, ...]:
+def _shading(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:
     phong = [m.name for m in motion.materials if m.shading == "phong"]
     metallic = [m.name for m in motion.materials if m.shading == "metallic_roughness"]
     glowing = [m.name for m in motion.materials if m.shading != "unlit" and any(m.emission)]
     lit = bool(phong or metallic)
     textured = [m.name for m in motion.materials if m.textures]
     colored = [m.mesh.name for m in exposure.meshes if m.color is not None]
-    points = sum(light.kind == "point" for light in exposure.lights)
-    lamps = f"{points} point lights" if lit or not points else "nothing reflects them"
+    kinds = [light.kind for light in exposure.lights]
+    spots = kinds.count("spot")
+    points = kinds.count("point") + spots
+    unlit = "nothing reflects them"
+    lamps = f"{points} point lights" if lit or not points else unlit
+    cones = f"{spots} spot lights" if lit or not spots else unlit
+    casters = len(casting(exposure, settings))
+    darkness = f"{casters} of {len(kinds)} lights cast them, shadows={settings.shadows!r}"
+    if casters and not lit:
+        darkness = unlit
     return (
         Effect("phong shading", bool(phong), _named("material", phong), "PHONG"),
         Effect("metallic-roughness shading", bool(metallic), _named("material", metallic),
                "METALLIC"),
         Effect("emission", bool(glowing), _named("material", glowing), "EMISSION"),
         Effect("point lights", lit and points > 0, lamps, "POINT_LIGHTS"),
+        Effect("spot lights", lit and spots > 0, cones, "SPOT_LIGHTS"),
+        Effect("shadows", lit and casters > 0, darkness, "SHADOWS"),
         Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
         Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
     )  # fmt: skip
@@ -198,8 +209,10 @@ def _published(settings: Settings, moving: bool) -> tuple[Effect, ...]:
 
 def _layers(settings: Settings) -> tuple[Effect, ...]:
     asked = ", ".join(name for name in settings.aovs if name in MOMENTARY)
+    spans = ", ".join(name for name in settings.aovs if name in RECORDED)
     return (
         Effect("values at one moment", bool(asked), asked or "not asked for", "MOMENTARY"),
+        Effect("visible spans kept", bool(spans), spans or "not asked for", "RECORDED"),
         *(Effect(f"layer {name}", True, "asked for", MACROS[name]) for name in settings.aovs),
     )
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ AttributeValue = str | int | float | tuple[float, ...]
 
 _FORMAT_ATTRIBUTES = (
     "channels",
+    "chunkCount",
     "compression",
     "dataWindow",
     "displayWindow",
@@ -34,6 +35,7 @@ _FORMAT_ATTRIBUTES = (
     "screenWindowCenter",
     "screenWindowWidth",
     "type",
+    "version",
 )
 PIXEL_DIGEST = "pixelDigest"
 """Name of the attribute that holds the digest of a file's own pixels."""
@@ -74,18 +76,65 @@ def write_exr(path: str | Path, image: ExrImage) -> None:
     """
     import OpenEXR
 
-    header = {name: _encoded(name, value) for name, value in image.attributes.items()}
-    height, width = next(iter(image.channels.values())).shape
-    first = np.array(image.origin, dtype=np.int32)
-    size = np.array(image.resolution, dtype=np.int32)
-    header |= {
+    channels = {name: np.ascontiguousarray(pixels) for name, pixels in image.channels.items()}
+    shape = next(iter(channels.values())).shape
+    header = _header(image, shape) | {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
-        "dataWindow": (first, first + np.array([width - 1, height - 1], dtype=np.int32)),
-        "displayWindow": (np.zeros(2, dtype=np.int32), size - 1),
+        PIXEL_DIGEST: pixel_digest(channels),
     }
-    channels = {name: np.ascontiguousarray(pixels) for name, pixels in image.channels.items()}
-    header[PIXEL_DIGEST] = pixel_digest(channels)
+    _write(path, header, channels)
+
+
+def write_deep(
+    path: str | Path,
+    counts: NDArray[np.uint32],
+    channels: Mapping[str, NDArray[np.float32]],
+    resolution: tuple[int, int],
+    origin: tuple[int, int],
+    attributes: Mapping[str, AttributeValue],
+) -> None:
+    """Write a deep image: ``counts`` ``(h, w)`` samples of each pixel, ``channels`` of all of them.
+
+    Losslessly (ZIPS, the best that deep scanlines have), with the digest of its samples.
+
+    Raises
+    ------
+    OutputError
+        Where the file can't be written; nothing is left then.
+    """
+    import OpenEXR
+
+    image = ExrImage({}, resolution, origin, attributes)
+    header = _header(image, counts.shape) | {
+        "compression": OpenEXR.ZIPS_COMPRESSION,
+        "type": OpenEXR.deepscanline,
+        PIXEL_DIGEST: pixel_digest({"": counts, **channels}),
+    }
+    ends = np.cumsum(counts.ravel(), dtype=np.int64)
+    places = list(zip((ends - counts.ravel()).tolist(), ends.tolist(), strict=True))
+    deep = {}
+    for name, values in channels.items():
+        given = np.ascontiguousarray(values)
+        pixels = np.empty(counts.size, object)
+        pixels[:] = [given[first:end] for first, end in places]
+        deep[name] = pixels.reshape(counts.shape)
+    _write(path, header, deep)
+
+
+def _header(image: ExrImage, shape: tuple[int, ...]) -> dict[str, Any]:
+    """Attributes and windows of an image of ``shape``."""
+    header = {name: _encoded(name, value) for name, value in image.attributes.items()}
+    first = np.array(image.origin, dtype=np.int32)
+    size = np.array(image.resolution, dtype=np.int32)
+    last = first + np.array([shape[1] - 1, shape[0] - 1], dtype=np.int32)
+    display = np.zeros(2, dtype=np.int32), size - 1
+    return {**header, "dataWindow": (first, last), "displayWindow": display}
+
+
+def _write(path: str | Path, header: dict[str, Any], channels: dict[str, NDArray[Any]]) -> None:
+    import OpenEXR
+
     with replacing(path) as temporary:
         try:
             OpenEXR.File(header, channels).write(os.fspath(temporary))
@@ -102,6 +151,50 @@ def read_exr(path: str | Path) -> ExrImage:
     OutputError
         Where the file is missing, not an EXR, or not whole.
     """
+    part = _read(path)
+    pixels = {name: channel.pixels for name, channel in part.channels.items()}
+    if not all(isinstance(values, np.ndarray) and values.ndim == 2 for values in pixels.values()):
+        raise OutputError(f"{path}: subsampled pixels cannot be read")
+    if any(values.dtype == object for values in pixels.values()):
+        raise OutputError(f"{path}: is deep; mbinterval.DeepImage.read reads it")
+    if not pixels:
+        raise OutputError(f"{path}: the file is cut off or broken; render it again")
+    return _image(part, pixels)
+
+
+def read_deep(
+    path: str | Path, names: Sequence[str]
+) -> tuple[NDArray[np.uint32], dict[str, NDArray[np.float32]], ExrImage]:
+    """Read the first part of a deep EXR file.
+
+    Returns counts ``(h, w)`` of samples, the channels ``names`` of all samples, and what else the
+    image has.
+
+    Raises
+    ------
+    OutputError
+        Where the file is missing, not a deep EXR, not whole, or has other channels.
+    """
+    part = _read(path)
+    pixels = {name: channel.pixels for name, channel in part.channels.items()}
+    if any(values.dtype != object for values in pixels.values()):
+        raise OutputError(f"{path}: is not a deep EXR")
+    if not set(names) <= pixels.keys():
+        found = ", ".join(sorted(pixels)) or "none"
+        raise OutputError(f"{path}: needs channels {', '.join(names)}; the file has {found}")
+    shape = pixels[names[0]].shape
+    counts = np.array([0 if p is None else len(p) for p in pixels[names[0]].flat], np.uint32)
+    channels = {}
+    for name in names:
+        parts = [np.zeros(0, np.float32), *(p for p in pixels[name].flat if p is not None)]
+        channels[name] = np.concatenate(parts).astype(np.float32)
+        if len(channels[name]) != counts.sum():
+            raise OutputError(f"{path}: the file is cut off or broken; render it again")
+    return counts.reshape(shape), channels, _image(part, {})
+
+
+def _read(path: str | Path) -> Any:
+    """Return the first part of an EXR file; one that is cut off may have no channels."""
     import OpenEXR
 
     if not isinstance(path, str | Path):
@@ -120,16 +213,17 @@ def read_exr(path: str | Path) -> ExrImage:
         parts = OpenEXR.File(os.fspath(path), separate_channels=True).parts
     except (RuntimeError, TypeError, ValueError) as error:
         raise OutputError(f"{path}: cannot be read as EXR ({error})") from error
-    pixels = {name: channel.pixels for name, channel in parts[0].channels.items()} if parts else {}
-    if not all(isinstance(values, np.ndarray) and values.ndim == 2 for values in pixels.values()):
-        raise OutputError(f"{path}: deep or subsampled pixels cannot be read")
-    if not pixels:
+    if not parts:
         raise OutputError(f"{path}: the file is cut off or broken; render it again")
-    header = parts[0].header
+    return parts[0]
+
+
+def _image(part: Any, channels: Mapping[str, NDArray[Any]]) -> ExrImage:
+    header = part.header
     (left, top), (right, bottom) = header["displayWindow"]
     first = header["dataWindow"][0]
     return ExrImage(
-        channels=pixels,
+        channels=channels,
         resolution=(int(right - left) + 1, int(bottom - top) + 1),
         origin=(int(first[0] - left), int(first[1] - top)),
         attributes={
@@ -178,4 +272,7 @@ def _decoded(value: Any) -> AttributeValue:
         return numbers[0] if len(numbers) == 1 else numbers
     if hasattr(value, "n") and hasattr(value, "d"):
         return float(value.n) / float(value.d or 1)
-    return str(value)
+    try:
+        return str(value)
+    except UnicodeDecodeError:  # bytes of a type that the package does not know
+        return f"({type(value).__name__})"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,12 @@ from mbinterval.aovs import AOVS, channels_of, layers_of
 from mbinterval.checks import nearest
 from mbinterval.errors import OutputError, UsageError
 from mbinterval.exr import PIXEL_DIGEST, AttributeValue, ExrImage, read_exr, write_exr
-from mbinterval.frames import check_ending
+from mbinterval.frames import check_ending, export_of
 from mbinterval.images import write_png
+
+if TYPE_CHECKING:
+    from mbinterval.deep import DeepImage
+    from mbinterval.events import Events
 
 _COLOUR = ("R", "G", "B", "A")
 
@@ -37,6 +41,8 @@ class Film:
         samples the number of those that see something.
     layers
         What else was asked for, by name: see `mbinterval.aovs.AOVS`.
+    deep, events
+        Where they were asked for, the `DeepImage` and the `Events` of the film.
     timings
         Seconds by stage, in the order in which the stages run. Not written to files.
     resolution
@@ -72,6 +78,8 @@ class Film:
     stats: Mapping[str, int] = field(default_factory=dict)
     transparent: bool = False
     layers: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    deep: DeepImage | None = None
+    events: Events | None = None
     notes: tuple[str, ...] = ()
     device: str = ""
 
@@ -86,24 +94,27 @@ class Film:
             raise UsageError(f"film: {shape} pixels; expected at least one row and one column")
 
     def write(self, path: str | Path) -> Path:
-        """Write an EXR or a PNG, by the ending of ``path``; all of it or nothing.
+        """Write a file, by the ending of ``path``; all of it or nothing.
 
         An EXR has the channels R, G, B, A and Z in 32-bit float and ``intervals`` in 32-bit
         integers, and those of ``layers``, compressed without loss, the film as data window and the
         whole frame as display window, and the metadata and a digest of the pixels as attributes. A
         PNG has the colour alone, in 8 bits with the sRGB curve, and alpha, straight, where the film
-        is transparent; metadata and digest are text chunks. Equal films give equal bytes. Missing
+        is transparent; metadata and digest are text chunks. A file that ends in .deep.exr gets the
+        deep image, one in .npz or .parquet the events. Equal films give equal bytes. Missing
         folders are made.
 
         Raises
         ------
         UsageError
-            For an ending other than .exr and .png.
+            For another ending, and where the film was rendered without what is to be written.
         OutputError
             Where the file can't be written; nothing is left then, and an older file stays.
         """
         check_ending(path)
-        path = Path(path)
+        path, export = Path(path), export_of(path)
+        if export:
+            return self._export(path, export)
         if path.suffix.lower() == ".png":
             write_png(path, self.rgba, self.transparent, self.metadata)
             return path
@@ -114,6 +125,15 @@ class Film:
         attributes = {**self.metadata, "transparent": int(self.transparent)}
         write_exr(path, ExrImage(channels, self.resolution, self.origin, attributes))
         return path
+
+    def _export(self, path: Path, name: str) -> Path:
+        """Write the deep image or the events, with what the film says about itself."""
+        found = self.deep if name == "deep" else self.events
+        if found is None:
+            raise UsageError(f"{path}: the film has no {name}; render it with aovs={name!r}")
+        return replace(
+            found, resolution=self.resolution, origin=self.origin, metadata=self.metadata
+        ).write(path)
 
     @classmethod
     def read(cls, path: str | Path) -> Film:
@@ -159,8 +179,11 @@ def _set_array(film: Film, name: str, dtype: type, shape: tuple[int, ...]) -> No
 def _layer(name: str, pixels: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     if name not in AOVS:
         raise UsageError(f"film: unknown layer {name!r}, {nearest(name, AOVS)}")
-    count = len(AOVS[name].channels)
-    return _array(name, pixels, AOVS[name].dtype, shape if count == 1 else (*shape, count))
+    aov = AOVS[name]
+    count = len(aov.channels)
+    if aov.ranked and np.ndim(pixels) == 3:
+        count *= max(np.shape(pixels)[2] // count, 1)
+    return _array(name, pixels, aov.dtype, shape if count == 1 else (*shape, count))
 
 
 def _array(name: str, value: Any, dtype: type | str, shape: tuple[int, ...]) -> NDArray[Any]:

@@ -8,8 +8,11 @@ from pathlib import Path
 from mbinterval.checks import shown
 from mbinterval.errors import UsageError
 
-ENDINGS = (".exr", ".png")
+ENDINGS = (".exr", ".png", ".npz", ".parquet")
 """Endings of the files that a film can be written to."""
+
+DEEP = ".deep.exr"
+"""Ending of the files that its deep image is written to."""
 
 RESOLUTION = (1024, 768)
 """Width and height in pixels where nothing gives them."""
@@ -62,7 +65,7 @@ def parse_frames(text: str) -> list[int]:
 
 
 def parse_outputs(text: str) -> list[str]:
-    """Files that ``text`` names, with commas between them; each ends in .exr or .png.
+    """Files that ``text`` names, with commas between them; each has one of ``ENDINGS``.
 
     Raises
     ------
@@ -90,7 +93,15 @@ def check_ending(path: str | Path) -> None:
     ending = Path(path).suffix
     if ending.lower() not in ENDINGS:
         has = f"unknown ending {ending!r}" if ending else "no ending"
-        raise UsageError(f"{path}: {has}; expected {' or '.join(ENDINGS)}")
+        raise UsageError(f"{path}: {has}; expected {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
+
+
+def export_of(path: str | Path) -> str:
+    """Return what of a film goes to ``path``: "deep", "events", or "" for the film itself."""
+    name = str(path).lower()
+    if name.endswith(DEEP):
+        return "deep"
+    return "events" if name.endswith((".npz", ".parquet")) else ""
 
 
 def is_numbered(pattern: str) -> bool:

@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval import cryptomatte
+from mbinterval.aovs import EXPORTS
 from mbinterval.appearance import DEFAULT_MATERIAL
+from mbinterval.motion import Motion
 from mbinterval.scene.model import Material, Scene
 
 
@@ -23,7 +27,46 @@ def names(scene: Scene, aovs: Sequence[str]) -> dict[str, str]:
         found["objects"] = _json([mesh.name for mesh in scene.meshes])
     if "material" in aovs:
         found["materials"] = _json([material.name for material in _materials(scene)])
+    for layer in (name for name in aovs if name in _NAMED):
+        found |= cryptomatte.metadata(layer, dict.fromkeys(_NAMED[layer](scene)))
     return found
+
+
+def add_hashes(motion: Motion, scene: Scene, aovs: Sequence[str]) -> Motion:
+    """Return ``motion`` with ``hashes`` for the Cryptomattes among ``aovs``."""
+    hashes = {}
+    for layer in (name for name in aovs if name in _NAMED):
+        found = [0, *map(cryptomatte.id_of, _NAMED[layer](scene))]
+        hashes[layer] = np.array(found, np.uint32)[motion.objects[1:]]
+    return replace(motion, hashes=hashes)
+
+
+def notes(scene: Scene, aovs: Sequence[str]) -> tuple[str, ...]:
+    """Say which names a Cryptomatte can't tell apart, since their hashes are one."""
+    found = []
+    for layer in (name for name in aovs if name in _NAMED):
+        names: dict[int, str] = {}
+        for name in dict.fromkeys(_NAMED[layer](scene)):
+            other = names.setdefault(cryptomatte.id_of(name), name)
+            if other != name:
+                found.append(f"{layer}: {other!r} and {name!r} have one ID; rename one of them")
+    return tuple(found)
+
+
+def _object_names(scene: Scene) -> list[str]:
+    """Name of each mesh; where it has none, its number as layer "object" has it."""
+    return [mesh.name or f"object {place}" for place, mesh in enumerate(scene.meshes, start=1)]
+
+
+def _material_names(scene: Scene) -> list[str]:
+    """Name of the material of each mesh; where it has none, its number likewise."""
+    number = {material: place for place, material in enumerate(_materials(scene), start=1)}
+    used = [mesh.material or DEFAULT_MATERIAL for mesh in scene.meshes]
+    return [material.name or f"material {number[material]}" for material in used]
+
+
+_NAMED = {"crypto_object": _object_names, "crypto_material": _material_names}
+"""For each Cryptomatte, the name that every mesh goes by."""
 
 
 def identified(
@@ -38,7 +81,7 @@ def identified(
         index = {material: place for place, material in enumerate(_materials(scene), start=1)}
         table = [0, *(index[mesh.material or DEFAULT_MATERIAL] for mesh in scene.meshes)]
         found["material"] = np.array(table, np.uint32)[layers["object"]]
-    return {name: found[name] for name in aovs}
+    return {name: found[name] for name in aovs if name not in EXPORTS}
 
 
 def _materials(scene: Scene) -> list[Material]:

@@ -7,6 +7,7 @@ of IEC 61966-2-1 and straight alpha; EXR files hold linear, premultiplied colour
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,15 +78,18 @@ def decode_image(data: bytes, what: str) -> Float32:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(io.BytesIO(data)) as image:
-            image.load()
-            return linear_pixels(image)
+        # Pillow warns of what it does without, such as a tag that says nothing of the pixels.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(io.BytesIO(data)) as image:
+                image.load()
+                return linear_pixels(image)
     except UnidentifiedImageError as error:  # its text has an address and no more
         raise SceneError(
             f"image {what}: not a kind of image that is known, or broken; save it as PNG or EXR"
         ) from error
-    except (OSError, ValueError, SyntaxError, Warning, Image.DecompressionBombError) as error:
-        raise SceneError(f"image {what}: cannot be read ({error})") from error
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise SceneError(f"image {what}: cannot be read ({error}); save it again") from error
 
 
 def linear_pixels(image: Image.Image) -> Float32:

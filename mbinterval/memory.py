@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mbinterval import appearance, stochastic, tiles
+from mbinterval import appearance, record, stochastic, tiles
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime
 from mbinterval.errors import CapacityError
@@ -43,11 +43,13 @@ def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
     pools = pool * (plan.capacity + tiles.LANES)
     if method != "analytic":
         pools = stochastic.scratch_bytes(plan)
+    events = record.first_capacity(plan) * records.EVENT.itemsize
     return {
         "geometry": given + paths,
         "textures": sum(_TEXEL * texel_count(texture) for texture in textures_of(motion)),
         "film": film,
         "pools": pools * min(workers, columns * rows),
+        **({"events": events} if "record" in plan.stages else {}),
     }
 
 

@@ -48,6 +48,9 @@ class Motion:
     places
         For each optical flow asked for, by name, ``(n, 3)`` float64: where the vertices of all
         mesh records are in another frame, in homogeneous pixels (`mbinterval.flow`).
+    hashes
+        For each Cryptomatte asked for, by name, ``(meshes,)`` uint32: the ID of each mesh record
+        (`mbinterval.ids`).
     """
 
     positions: NDArray[np.float64]
@@ -63,6 +66,7 @@ class Motion:
     normal: NDArray[np.float32]
     objects: NDArray[np.uint32]
     places: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    hashes: Mapping[str, NDArray[np.uint32]] = field(default_factory=dict)
 
 
 def lay_out(exposure: Exposure, width: int, height: int) -> Motion:

@@ -98,8 +98,8 @@ def variant(text: str) -> tuple[str, dict[str, Any]]:
     return text, found
 
 
-def threads(text: str) -> int:
-    """Threads of the CPU device."""
+def count(text: str) -> int:
+    """Threads of the CPU device, or bands of a frame."""
     if not text.isdecimal() or not 1 <= int(text) <= 4096:
         raise UsageError(f"{text!r} is not a whole number from 1 to 4096")
     return int(text)
@@ -144,3 +144,8 @@ def value(text: str) -> str | int | float | None:
         except ValueError:
             continue
     return text
+
+
+def several_devices(text: str | None) -> bool:
+    """Whether ``--device`` names several: with commas between them, or ``all``."""
+    return text is not None and ("," in text or text.strip().lower() == "all")

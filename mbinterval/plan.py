@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.aovs import FLOWS
+from mbinterval.appearance import casting
 from mbinterval.device import records
 from mbinterval.effects import Effect, effects_of
 from mbinterval.errors import UsageError
@@ -94,6 +95,8 @@ def make_plan(
             f"paths={settings.paths!r} and occlusion={settings.occlusion!r}; or give materials "
             "alpha_mode='opaque'"
         )
+    if "SHADOWS" in active and settings.paths != "exact":
+        raise UsageError("shadows need paths='exact'; use that, or shadows='off'")
     if exposure.roll is not None and set(FLOWS) & set(settings.aovs):
         raise UsageError(
             "aovs: forward and backward need all lines of a frame at one time, but the shutter "
@@ -116,8 +119,12 @@ def make_plan(
     if "TEXTURED" in active and settings.anisotropy > 0:
         sizes["ANISOTROPY"] = settings.anisotropy
         sizes["SAMPLE_SPACING"] = _float(settings.samples**-0.5)
+    if "SHADOWS" in active:
+        sizes["SHADOWS"] = len(casting(exposure, settings))
     if active & {"MOMENTARY", "AOV_SHARP"}:
         sizes["AOV_TIME"] = _float(settings.aov_time)
+    if "events" in settings.aovs:
+        sizes["EVENT_STEPS"] = settings.event_steps
     sizes |= sampling_sizes(exposure, settings, active)
     timed = _time_stages(settings, active) if "MOVING" in active else ()
     return Plan(
@@ -132,17 +139,19 @@ def make_plan(
             *(("place",) if "PLACED" in active else ()),
             *(("nearest",) if "STATIC" in active else ()),
             *timed,
+            *(("shadow",) if "SHADOWS" in active else ()),
             "shade",
+            *(("record",) if "RECORDED" in active else ()),
             *(("moment",) if "MOMENTARY" in active else ()),
             "resolve",
             *(("share",) if "FIVE_POINT" in active else ()),
         ),
-        options=tuple(f"-D{name}" for name in sorted(active - {""}))
+        options=tuple(f"-D{name}" for name in sorted(active - {"", *sizes}))
         + tuple(f"-D{name}={value}" for name, value in sizes.items()),
         settings=settings,
         tile=tile,
         layers=layers,
-        capacity=capacity if timed else 1,
+        capacity=capacity if timed or "SHADOWS" in active else 1,
     )
 
 

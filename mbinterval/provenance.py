@@ -17,9 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import mbinterval
+from mbinterval.deep import CHANNELS
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import OutputError, SceneError
-from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_exr
+from mbinterval.events import Events
+from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_deep, read_exr
+from mbinterval.frames import export_of
 from mbinterval.images import read_png
 from mbinterval.scene.camera import Shutter
 from mbinterval.settings import Settings
@@ -127,5 +130,12 @@ def _decoded(path: Path) -> tuple[Mapping[str, Any], str]:
     if path.suffix.lower() == ".png":
         pixels, text = read_png(path)
         return text, pixel_digest({"": pixels})
+    export = export_of(path)
+    if export == "events":
+        events = Events.read(path)
+        return events.metadata, events.digest()
+    if export == "deep":
+        counts, channels, image = read_deep(path, CHANNELS)
+        return image.attributes, pixel_digest({"": counts, **channels})
     image = read_exr(path)
     return image.attributes, pixel_digest(image.channels)

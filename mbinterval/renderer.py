@@ -88,6 +88,7 @@ def render(
     motion = lay_out(exposure, width, height)
     plan = replace(make_plan(exposure, motion, settings, width, height, region), memory=room)
     motion = add_flow(motion, scene, exposure, settings, width, height)
+    motion = ids.add_hashes(motion, scene, settings.aovs)
     check_memory(motion, plan, memory)
     exposed = time.perf_counter() - started
     run = render_analytic if settings.method == "analytic" else render_stochastic
@@ -97,6 +98,8 @@ def render(
         on.queue.finish()  # kernels in flight use buffers that go with the interrupted frames
         raise
     return Film(
+        deep=pixels.deep,
+        events=pixels.events,
         rgba=pixels.rgba,
         depth=pixels.depth,
         intervals=pixels.intervals,
@@ -107,7 +110,7 @@ def render(
         metadata=frame_metadata(scene, exposure, settings) | ids.names(scene, settings.aovs),
         transparent=settings.transparent,
         layers=ids.identified(scene, settings.aovs, pixels.layers),
-        notes=exposure.notes + flow_notes(scene, settings),
+        notes=exposure.notes + flow_notes(scene, settings) + ids.notes(scene, settings.aovs),
         device=on.device.name.strip(),
     )
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from mbinterval.aovs import check_aovs
+from mbinterval.aovs import RECORDED, check_aovs
 from mbinterval.checks import choice, instance, nearest, number, whole_number
 from mbinterval.errors import UsageError
 
@@ -30,11 +30,14 @@ _BELONGS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("paths", "pairing", "occlusion", "partial_bits"), ("analytic",)),
     **dict.fromkeys(("max_intervals", "tile_size"), ("analytic",)),
     **dict.fromkeys(("texture_samples", "shading_error", "anisotropy"), ("analytic",)),
-    **dict.fromkeys(("aovs", "aov_time"), ("analytic",)),
+    **dict.fromkeys(("aovs", "aov_time", "cryptomatte_levels"), ("analytic",)),
+    **dict.fromkeys(("deep_tolerance", "event_steps"), ("analytic",)),
     **dict.fromkeys(("cull", "cull_tile", "test"), ("stochastic", "accumulation")),
     **dict.fromkeys(("shading_rate", "hybrid"), ("stochastic", "accumulation")),
+    **dict.fromkeys(("shadow_map", "shadow_strata"), ("stochastic", "accumulation")),
+    **dict.fromkeys(("shadow_bias",), ("stochastic", "accumulation")),
     **dict.fromkeys(("frameless",), ("stochastic",)),
-    **dict.fromkeys(("slices", "slice_times"), ("accumulation",)),
+    **dict.fromkeys(("slices", "slice_times", "slice_lens"), ("accumulation",)),
 }
 """Settings that are of some methods only."""
 
@@ -49,21 +52,33 @@ _CHOICES: dict[str, tuple[str | int, ...]] = {
     "filter": ("box", "five_point", "triangle", "gaussian", "blackman_harris", "mitchell"),
     "tile_size": (8, 16, 32),
     "cull": CULLS,
-    "cull_tile": (1, 2, 4),
     "test": ("vertices", "edges"),
     "shading_rate": ("sample", "pixel"),
     "slice_times": ("uniform", "jittered", "stochastic"),
+    "cryptomatte_levels": tuple(range(2, 21, 2)),
+    "shadows": ("lights", "all", "off"),
+    "slice_lens": ("point", "line"),
 }
+_OF_AOVS = {
+    "cryptomatte_levels": ("crypto_object", "crypto_material"),
+    "deep_tolerance": ("deep",),
+    "event_steps": ("events",),
+}
+"""Settings that say something about some ``aovs`` only."""
 _RANGES = {
     "samples": (1, 4096),
     "anisotropy": (0, 16),
     "seed": (0, 2**32 - 1),
+    "cull_tile": (1, 16),
     "frameless": (1, 64),
     "slices": (1, 4096),
+    "event_steps": (1, 4096),
+    "shadow_strata": (1, 64),
 }
 _RANGES_OR_NONE = {
     "max_intervals": (1, 2**20),
     "motion_segments": (1, 4096),
+    "shadow_map": (1, 8192),
     "texture_samples": (1, 1024),
 }
 _ABOVE_ZERO = ("motion_error", "shading_error")
@@ -133,6 +148,9 @@ class Settings:
     motion_error
         How far from their true place, in pixels, the linear motion of segments may take points
         of a mesh; without effect where ``motion_segments`` are given.
+    shadows
+        ``"lights"``: those lights cast shadows that say so. ``"all"``: all but ambient ones do.
+        ``"off"``: none does.
     seed
         Seed of every pseudo-random choice.
     transparent
@@ -141,29 +159,48 @@ class Settings:
         Edge of a square tile in pixels: 8, 16 or 32. It changes speed, never the image.
     aovs
         Names of what else is found in the same pass, a list or a text with commas between them:
-        see `mbinterval.aovs.AOVS`. The image is the same with and without.
+        see `mbinterval.aovs.AOVS` and ``EXPORTS``. The image is the same with and without.
     aov_time
         When the sharp frame and what goes with it is: a part of the shutter, from 0 where it
         opens to 1 where it closes; of a rolling shutter, of each line's own exposure.
+    cryptomatte_levels
+        How many IDs of a pixel a Cryptomatte keeps, those of most coverage: an even number, 2 to
+        20.
+    deep_tolerance
+        Thickness of the slices of depth whose surfaces a deep image joins, as a part of the depth,
+        above 0 and up to 1.
+    event_steps
+        Equal parts of the shutter, 1 to 4096, in each of which events have a colour of their own
+        where it changes along a visible span; when they begin and end is exact whatever it is.
     cull
         Which samples a path is tested at, one of ``CULLS``; it changes speed and counts, never the
         image, but for ``"clip_space_printed"``, which loses hits (see ``cl/stochastic/cull``).
         ``"interleave_uvt"`` is for the pattern of that name.
     cull_tile
-        Bounds of ``cull`` are found for tiles of 1, 2 or 4 pixels along an edge.
+        Bounds of ``cull`` are found for tiles of so many pixels along an edge, 1 to 16.
     test
         Whether a sample is covered: ``"vertices"``, from the vertices at its time (after Laine &
         Karras 2011), or ``"edges"``, from time-dependent edge functions (Akenine-Möller et al.
         2007, 3.3.2; no lens).
     shading_rate
-        ``"sample"``, or ``"pixel"``: once for all samples of a pixel that see one triangle.
+        ``"sample"``, or ``"pixel"``: once for all samples of a pixel that see one triangle, its
+        shadows included.
     hybrid
         Shade what does not move once per pixel, and only what moves at each sample.
     frameless
         Every ``frameless``-th pixel sees its own part of the shutter only, 1 to 64 parts.
+    shadow_map, shadow_strata, shadow_bias
+        Look shadows of point samples up in maps of ``shadow_map`` texels along an edge, with
+        ``shadow_strata`` times in each texel (Akenine-Möller et al. 2007, 3.5), 1 to 64; a surface
+        hides what lies behind it by more than ``shadow_bias`` widths of a texel. None: rays are
+        traced at each sample's time, without bias.
     slices, slice_times
         Pictures that accumulation averages, 1 to 4096, at ``"uniform"`` or ``"jittered"`` times;
         ``"stochastic"``: each is sampled stochastically over its own part of the shutter.
+    slice_lens
+        What of an open lens each slice looks through: ``"point"``, one of its points (with
+        stochastic slices each sample has its own), or ``"line"``, a line across it, of which each
+        sample has a point of its own (Akenine-Möller et al. 2007, 4.2).
     statistics
         Count the samples that were tested and hit (``Film.stats``); it costs time.
     """
@@ -183,19 +220,27 @@ class Settings:
     anisotropy: int = 0
     motion_segments: int | None = None
     motion_error: float = 0.1
+    shadows: str = "lights"
     seed: int = 0
     transparent: bool = False
     tile_size: int = 16
     aovs: tuple[str, ...] = ()
     aov_time: float = 0.5
+    cryptomatte_levels: int = 6
+    deep_tolerance: float = 0.01
+    event_steps: int = 4
     cull: str = "best"
     cull_tile: int = 1
     test: str = "vertices"
     shading_rate: str = "sample"
     hybrid: bool = False
     frameless: int = 1
+    shadow_map: int | None = None
+    shadow_strata: int = 4
+    shadow_bias: float = 3.0
     slices: int = 64
     slice_times: str = "uniform"
+    slice_lens: str = "point"
     statistics: bool = False
 
     def __post_init__(self) -> None:
@@ -213,10 +258,18 @@ class Settings:
             if self.method in _BELONGS.get(setting.name, (self.method,))
             and setting.name not in _SPEED_ONLY
         ]
-        values = {name: getattr(self, name) for name in names}
+        values = {
+            name: getattr(self, name)
+            for name in names
+            if name not in _OF_AOVS or set(_OF_AOVS[name]) & set(self.aovs)
+        }
         aovs, aov_time = values.pop("aovs", ()), values.pop("aov_time", None)
         if aovs:
             values |= {"aovs": ",".join(aovs), "aov_time": aov_time}
+        if self.shadows == "lights":
+            del values["shadows"]
+        if self.shadow_map is None:
+            values = {name: values[name] for name in values if not name.startswith("shadow_")}
         if self.cull == "clip_space_printed":
             values["cull"] = self.cull
         return values
@@ -260,12 +313,16 @@ def check_setting(name: str, value: Any) -> Any:
         return None if value is None else whole_number(value, name, *_RANGES_OR_NONE[name])
     if name in _ABOVE_ZERO:
         return number(value, name, above=0.0)
+    if name == "shadow_bias":
+        return number(value, name, 0.0)
     if name == "filter_radius":
         return None if value is None else number(value, name, above=0.0, high=8.0)
     if name == "aovs":
         return check_aovs(value, name)
     if name == "aov_time":
         return number(value, name, 0.0, 1.0)
+    if name == "deep_tolerance":
+        return number(value, name, above=0.0, high=1.0)
     return instance(value, bool, name)
 
 
@@ -295,6 +352,7 @@ def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
         found.append(("aovs", "paths", "operations are counted for paths='exact'"))
     if given["occlusion"] != "exact" and "sharp" in (given["aovs"] or ()):
         found.append(("aovs", "occlusion", "a mask does not tell what is seen at a moment"))
+    found += _conflicts_of_spans(given)
     if given["filter"] == "five_point":
         why = "it is a rule for samples=1 with pattern='fixed'; use filter='box' with more"
         if given["samples"] != 1:
@@ -304,6 +362,25 @@ def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
         if given["filter_radius"] is not None:
             found.append(("filter_radius", "filter", "the five-point rule has none"))
     return [Conflict((a, b), f"{a}={given[a]!r} with {b}={given[b]!r}: {c}") for a, b, c in found]
+
+
+def _conflicts_of_spans(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Find settings with which what is made from visible spans can't be had."""
+    names = given["aovs"] or ()
+    names = names.replace(" ", "").split(",") if isinstance(names, str) else names
+    asked = {name for name in RECORDED if name in names}
+    found = []
+    if asked and given["filter"] == "five_point":
+        why = "samples are shared by pixels, spans are not; use filter='box'"
+        found.append(("aovs", "filter", why))
+    if asked - {"events"} and given["filter"] == "mitchell":
+        why = "coverage below 0 has no place in a Cryptomatte or a deep image; use another filter"
+        found.append(("aovs", "filter", why))
+    if "events" in asked and given["paths"] != "exact":
+        found.append(("aovs", "paths", "events are exact in time; use paths='exact'"))
+    if "events" in asked and given["occlusion"] != "exact":
+        found.append(("aovs", "occlusion", "a mask does not tell when something is seen"))
+    return found
 
 
 def _conflicts_of_methods(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:

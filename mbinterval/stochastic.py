@@ -1,6 +1,6 @@
 """The stochastic path: visibility at point samples in time, place and lens.
 
-    vertices -> bounds -> bin -> [scatter -> sample -> shade -> resolve] (-> rgss)
+    vertices -> bounds -> bin (-> shadow_map) -> [scatter -> sample -> shade -> resolve] (-> rgss)
 
 Each word is a stage: a file in ``cl/stochastic`` (``vertices`` is in ``cl/shared``), an entry in
 the plan, and a key of the timings. The bracketed stages run fused, tile by tile, in one kernel.
@@ -21,6 +21,7 @@ from mbinterval.motion import Motion
 from mbinterval.plan import Plan
 from mbinterval.sampling import reach_of
 from mbinterval.scene.exposure import Exposure
+from mbinterval.shadow_tree import prepare_rays
 from mbinterval.stochastic_plan import sample_count
 from mbinterval.work import (
     Pixels,
@@ -31,6 +32,7 @@ from mbinterval.work import (
     list_paths,
     memory_room,
     packed,
+    shadow_count,
     tile_grid,
     transform_vertices,
     upload_scene,
@@ -48,6 +50,9 @@ _ARGUMENTS = (
     *("normal", "textures", "texels", "lights", "cameras", "slots", "filter", "shutter"),
     *("background", "starts", "members", "queue", "next", "samples", "pixels", "counters"),
     *("rgba", "depth", "seen"),
+)
+_SHADOWS = (
+    *("world", "shadow_lights", "tree", "leaves", "leaf_nodes", "light_views", "shadow_map"),
 )
 _PATHS_PER_ITEM = 256
 _SCRATCH_WORDS = 7
@@ -67,6 +72,8 @@ def render_stochastic(
     work.timings["vertices"] = transform_vertices(work, motion)
     _run_bounds(work, motion)
     listed = _run_bin(work, motion)
+    if shadow_count(plan):
+        prepare_rays(work, motion)
     counts = _render_tiles(work, listed, progress)
     if "rgss" in plan.stages:
         _run_rgss(work)
@@ -168,7 +175,8 @@ def _run_part(work: Work, queue: NDArray[np.uint32], workers: int, stats: dict[s
     )
     frame = frame_record(plan.region, background)
     kernel = runtime.kernel("stochastic/tile.cl", "tile", plan.options)
-    arguments: list[Any] = [buffers[name] for name in _ARGUMENTS]
+    names = (*_ARGUMENTS, *(_SHADOWS if shadow_count(plan) else ()))
+    arguments: list[Any] = [buffers[name] for name in names]
     took = seconds(runtime.run(kernel, min(workers, len(queue)), *arguments, grid, frame))
     add_counts(work, TILE_STAGES, _COUNTS, workers, took, stats)
     return took

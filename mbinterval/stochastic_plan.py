@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from mbinterval.appearance import casting
 from mbinterval.effects import Effect, effects_of
 from mbinterval.errors import UsageError
 from mbinterval.plan import Crop, Plan, sampling_sizes
@@ -23,8 +24,8 @@ SLABS = 64
 """Samples of a pixel that a tile works on at a time: their arrays stay in the cache of one core."""
 
 _SHARED = frozenset(
-    ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "POINT_LIGHTS", "TEXTURED", "VERTEX_COLOR")
-    + ("METALLIC", "EMISSION")
+    ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "METALLIC", "EMISSION", "POINT_LIGHTS")
+    + ("SPOT_LIGHTS", "TEXTURED", "VERTEX_COLOR", "SHADOWS")
     + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA")
     + ("FACE_COLOR", "BACKGROUND_IMAGE", "TRANSPARENT", "WEIGHTED", "ROLLING", "ROLLING_COLUMNS")
     + ("",)
@@ -52,6 +53,7 @@ def stochastic_plan(
         raise UsageError("test='edges' has no lens; use test='vertices', or leave f_stop out")
     if "WEIGHTED" in active and settings.pattern == "rgss":
         raise UsageError(f"pattern='rgss' has a filter of its own; leave out {settings.filter!r}")
+    shadow_map = "SHADOWS" in active and settings.shadow_map is not None
     samples = sample_count(settings)
     slabs = min(samples, SLABS)
     # Slots of the fixed pattern are where the filter puts them; other places are put on the device.
@@ -62,6 +64,7 @@ def stochastic_plan(
         "SLAB_GROUPS": -(-samples // slabs),
         **sampling_sizes(exposure, settings, active | placed),
         **_own_sizes(settings, active),
+        **_shadow_sizes(exposure, settings, active),
     }
     return Plan(
         width=width,
@@ -70,10 +73,12 @@ def stochastic_plan(
         region=_region(settings, crop),
         effects=effects,
         stages=(
-            *("vertices", "bounds", "bin", "scatter", "sample", "shade", "resolve"),
+            *("vertices", "bounds", "bin"),
+            *(("shadow_map",) if shadow_map else ()),
+            *("scatter", "sample", "shade", "resolve"),
             *(("rgss",) if settings.pattern == "rgss" else ()),
         ),
-        options=tuple(f"-D{name}" for name in sorted(active))
+        options=tuple(f"-D{name}" for name in sorted(active - set(sizes)))
         + tuple(f"-D{name}={value}" for name, value in sizes.items()),
         settings=settings,
         tile=16,
@@ -116,6 +121,8 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
             else "they come in order of time",
             "REORDERED",
         ),
+        Effect("lines across the lens", "LENS" in active and settings.slice_lens == "line",
+               f"slice_lens={settings.slice_lens!r}", "LENS_LINES"),
         Effect("culling", True, f"cull={settings.cull!r}", f"CULL_{settings.cull.upper()}"),
         Effect("edge functions over time", settings.test == "edges", f"test={settings.test!r}",
                "TEST_EDGES"),
@@ -123,6 +130,8 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
                varying and settings.shading_rate == "pixel", rate, "SHADE_PIXEL"),
         Effect("shading once per pixel at rest", varying and settings.hybrid,
                f"hybrid={settings.hybrid}", "SHADE_HYBRID"),
+        Effect("shadow map", "SHADOWS" in active and settings.shadow_map is not None,
+               f"shadow_map={settings.shadow_map}"),
         Effect("statistics", settings.statistics, f"statistics={settings.statistics}",
                "STATISTICS"),
         Effect("point samples", True, f"method={settings.method!r}", "STOCHASTIC"),
@@ -134,7 +143,7 @@ def _own_sizes(settings: Settings, active: set[str]) -> dict[str, int | str]:
     samples = sample_count(settings)
     if "PATTERN_JITTERED" in active:
         sizes["GRID_X"] = _nearest_divisor(samples)
-    if "PATTERN_SLICES" in active:
+    if active & {"PATTERN_SLICES", "LENS_LINES"}:
         sizes["SLICES"] = settings.slices
     if settings.frameless > 1:
         sizes |= {"FRAMELESS": settings.frameless, "FRAMELESS_STEP": _step(settings.frameless)}
@@ -143,6 +152,16 @@ def _own_sizes(settings: Settings, active: set[str]) -> dict[str, int | str]:
         sizes |= {"STRATA_U": along, "STRATA_V": along, "STRATA_T": times}
     if settings.cull_tile != 1:
         sizes["CULL_TILE"] = settings.cull_tile
+    return sizes
+
+
+def _shadow_sizes(exposure: Exposure, settings: Settings, active: set[str]) -> dict[str, int | str]:
+    if "SHADOWS" not in active:
+        return {}
+    sizes: dict[str, int | str] = {"SHADOWS": len(casting(exposure, settings))}
+    if settings.shadow_map is not None:
+        sizes |= {"SHADOW_MAP": settings.shadow_map, "SHADOW_STRATA": settings.shadow_strata}
+        sizes["SHADOW_BIAS"] = f"{settings.shadow_bias:.9e}f"
     return sizes
 
 

@@ -13,6 +13,7 @@ from mbinterval.device import records
 from mbinterval.device.runtime import seconds
 from mbinterval.errors import CapacityError
 from mbinterval.plan import Plan
+from mbinterval.record import EVENTS_FULL, POOLS_FULL, Recorder
 from mbinterval.work import (
     Work,
     add_counts,
@@ -28,7 +29,7 @@ _log = logging.getLogger(__name__)
 
 TILE_STAGES = (
     *("place", "nearest", "rasterize", "intervals", "sort", "occlude"),
-    *("solve", "envelope", "mask", "stack", "shade", "moment", "resolve"),
+    *("solve", "envelope", "mask", "stack", "shadow", "shade", "record", "moment", "resolve"),
 )
 """Stages of the fused kernel, in the order in which it counts their time."""
 
@@ -40,6 +41,10 @@ _ARGUMENTS = (
     *("rgba", "depth", "met"),
 )
 _LAYERS = ("sharp", "planes", "forward", "backward")  # those that are asked for
+_SHADOWS = (
+    *("world", "shadow_lights", "light_views", "light_starts", "light_members", "outlines"),
+    *("stamps", "path_count"),
+)
 _EXACT_POOLS = {
     "visits": records.VISIT,
     "fronts": records.FRONT,
@@ -60,30 +65,39 @@ _LEAST_CAPACITY = 4096
 
 
 def render_tiles(
-    work: Work, listed: NDArray[np.int64], progress: Callable[[float], None] | None
+    work: Work,
+    listed: NDArray[np.int64],
+    progress: Callable[[float], None] | None,
+    recorder: Recorder | None = None,
 ) -> dict[str, int]:
     """Run the fused stages on all tiles, and again on those that ran out of room.
 
     ``listed`` is the number of paths that each tile lists. Tiles with the most come first, so
-    that what is left for the end is short. Returns counts: ``tests`` and ``hits`` of exact paths,
-    those of attempts that were repeated too.
+    that what is left for the end is short. Visible spans go to the ``recorder``. Returns counts:
+    ``tests`` and ``hits`` of exact paths, those of attempts that were repeated too.
     """
     queue = np.argsort(-listed, kind="stable").astype(np.uint32)
     loads = (listed + 1) * work.plan.settings.samples
     workers = min(work.runtime.workers, len(queue))
     _allocate(work, workers)
+    if recorder is not None:
+        recorder.allocate()
     capacity, workers = _first_pools(work, workers)
     stats = dict.fromkeys(_COUNTS, 0)
     work.timings |= {stage: 0.0 for stage in TILE_STAGES if stage in work.plan.stages}
     while len(queue):
         _allocate_pools(work, capacity, workers)
-        render = partial(_run_part, work, capacity=capacity, workers=workers, stats=stats)
+        render = partial(
+            _run_part, work, capacity=capacity, workers=workers, stats=stats, recorder=recorder
+        )
         for done in in_parts(queue, loads[queue], render):
             if progress is not None:
                 progress((len(listed) - len(queue) + done) / len(listed))
-        failed = work.runtime.download(work.buffers["failed"], listed.shape, np.uint32)
-        queue = queue[failed[queue] != 0]
-        if len(queue):
+        failed = work.runtime.download(work.buffers["failed"], listed.shape, np.uint32)[queue]
+        if recorder is not None and (failed == EVENTS_FULL).any():
+            recorder.make_room(bool((failed != EVENTS_FULL).any()))
+        queue = queue[failed != 0]
+        if (failed == POOLS_FULL).any():
             capacity *= _GROWTH
             _log.info("%d tiles need larger pools: %d records each", len(queue), capacity)
             workers = _workers_that_fit(work, capacity, min(workers, len(queue)))
@@ -107,6 +121,8 @@ def _allocate(work: Work, workers: int) -> None:
         "met": 4 * width * height,
         **layer_bytes(work.plan),
     }
+    if "shadow" in work.plan.stages:
+        sizes["stamps"] = 4 * int(work.buffers["path_count"]) * workers
     for name, size in sizes.items():
         work.buffers[name] = work.runtime.allocate(size, name)
 
@@ -114,6 +130,8 @@ def _allocate(work: Work, workers: int) -> None:
 def pools(plan: Plan) -> dict[str, np.dtype[np.void]]:
     """Pools of a work-item: record of each."""
     kinds = _EXACT_POOLS if plan.exact else _TRIANGULATED_POOLS
+    if "shadow" in plan.stages:
+        return {**kinds, "steps": records.STEP, "spans": records.SHADED_SPAN}
     return {**kinds, "spans": records.SPAN}
 
 
@@ -126,9 +144,14 @@ def _allocate_pools(work: Work, capacity: int, workers: int) -> None:
 
 
 def _run_part(
-    work: Work, queue: NDArray[np.uint32], capacity: int, workers: int, stats: dict[str, int]
+    work: Work,
+    queue: NDArray[np.uint32],
+    capacity: int,
+    workers: int,
+    stats: dict[str, int],
+    recorder: Recorder | None,
 ) -> float:
-    """Render the queued tiles with pools as they are; returns seconds."""
+    """Render the queued tiles with pools as they are; returns seconds, for `in_parts`."""
     runtime, buffers, plan = work.runtime, work.buffers, work.plan
     left, top, columns, rows = tile_grid(plan)
     buffers["queue"] = runtime.upload(queue, "queue")
@@ -140,12 +163,17 @@ def _run_part(
     grid = packed("iiiiIIIIIfff", left, top, columns, rows, *counts, plan.settings.seed, *rolling)
     frame = frame_record(plan.region, background)
     layers = [name for name in _LAYERS if name in buffers]
-    names = (*_ARGUMENTS, *layers, *(("depths",) if plan.exact else ()), *pools(plan))
+    names = [*_ARGUMENTS, *layers, *(("depths",) if plan.exact else ()), *pools(plan)]
+    if "shadow" in plan.stages:
+        names[-2:-2] = _SHADOWS
+        runtime.fill(buffers["stamps"], 4 * int(buffers["path_count"]) * workers)
     kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)
     arguments = [buffers[name] for name in names]
+    if recorder is not None:
+        arguments += recorder.arguments()
     took = seconds(runtime.run(kernel, min(workers, len(queue)), *arguments, grid, frame))
     add_counts(work, TILE_STAGES, _COUNTS, workers, took, stats)
-    return took
+    return took if recorder is None else max(took, recorder.drain(queue))
 
 
 def _first_pools(work: Work, workers: int) -> tuple[int, int]:

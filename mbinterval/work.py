@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.aovs import plane_count
-from mbinterval.appearance import appearance, fit_background
+from mbinterval.appearance import appearance, casting, fit_background
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.errors import CapacityError
@@ -23,10 +23,14 @@ from mbinterval.plan import Crop, Plan, shutter_keys
 from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
 
+if TYPE_CHECKING:
+    from mbinterval.deep import DeepImage
+    from mbinterval.events import Events
+
 _FILM_BYTES = 24  # of a pixel: colour, depth, intervals
 
 _BIN_CHUNKS = 64
-_SECONDS_AT_A_TIME = 0.5
+SECONDS_AT_A_TIME = 0.5
 _FIRST_LOAD = 100_000  # paths of tiles times samples: a fifth of a second, more or less
 
 
@@ -40,6 +44,8 @@ class Pixels:
     timings: Mapping[str, float]
     stats: Mapping[str, int]
     layers: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    deep: DeepImage | None = None
+    events: Events | None = None
 
 
 @dataclass(eq=False)
@@ -59,7 +65,9 @@ def upload_scene(
     """Buffers of everything that the kernels read, and a few counts."""
     shape = filter_of(plan.settings)
     # Lights are placed relative to the eye, so that they are as exact far from the origin.
-    looks = appearance(motion.materials, exposure.lights, exposure.cameras[0].eye[0])
+    casters = casting(exposure, plan.settings) if shadow_count(plan) else ()
+    eye = exposure.cameras[0].eye[0]
+    looks = appearance(motion.materials, exposure.lights, eye, casters)
     background = np.zeros(0, np.float32)
     if "-DBACKGROUND_IMAGE" in plan.options:
         x, y, width, height = plan.crop
@@ -91,6 +99,12 @@ def upload_scene(
     return buffers
 
 
+def shadow_count(plan: Plan) -> int:
+    """Return how many lights cast shadows in the plan."""
+    values = (option.removeprefix("-DSHADOWS=") for option in plan.options)
+    return next((int(value) for value in values if value.isdigit()), 0)
+
+
 def transform_vertices(work: Work, motion: Motion) -> float:
     """Make ``vertices``, in homogeneous pixel space at the ends of each segment; in seconds."""
     runtime, buffers = work.runtime, work.buffers
@@ -115,6 +129,56 @@ def tile_grid(plan: Plan) -> tuple[int, int, int, int]:
     return left, top, columns, -(-(y + height - top) // plan.tile)
 
 
+class Lists:
+    """Paths by tile of a grid: counted at first, and filed when they are asked for.
+
+    The kernels of ``file`` take the buffers ``given``, of ``count`` paths, and the ``Grid`` of
+    ``cl/shared/grid.h``: first pixel, columns and rows of ``tiles``, ``size`` pixels along an edge.
+    ``starts`` has where each tile's paths begin, and where all end; `records.NONE` if they are
+    2**32 or more. ``places`` is its buffer.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        file: str,
+        options: Sequence[str],
+        given: Sequence[Any],
+        count: int,
+        tiles: tuple[int, int, int, int],
+        size: int,
+        reach: tuple[float, float, float, float],
+    ) -> None:
+        chunk = max(1, -(-count // _BIN_CHUNKS))
+        self._runtime, self._file, self._options = runtime, file, tuple(options)
+        self._chunks, number = -(-count // chunk), tiles[2] * tiles[3]
+        grid = packed("iiiiiIIffff", *tiles, size, count, chunk, *reach)
+        self._counts = runtime.allocate(4 * self._chunks * number, "counts of paths by tile")
+        self._given = (*given, grid, self._counts)
+        self.places = runtime.allocate(4 * (number + 1), "starts")
+        self._events = []
+        if self._chunks:
+            kernel = runtime.kernel(file, "bin_count", self._options)
+            self._events.append(runtime.run(kernel, self._chunks, *self._given))
+        scan = runtime.kernel("shared/scan.cl", "bin_scan")
+        numbers = np.uint32(number), np.uint32(self._chunks)
+        self._events.append(runtime.run(scan, 1, *numbers, self._counts, self.places))
+        self.starts = runtime.download(self.places, (number + 1,), np.uint32)
+
+    def file(self) -> Any:
+        """Return the buffer of the paths, tile after tile."""
+        runtime = self._runtime
+        members = runtime.allocate(4 * int(self.starts[-1]), "paths by tile")
+        if self._chunks:
+            kernel = runtime.kernel(self._file, "bin_file", self._options)
+            self._events.append(runtime.run(kernel, self._chunks, *self._given, members))
+        return members
+
+    def seconds(self) -> float:
+        """Return the seconds that its kernels ran."""
+        return sum(seconds(event) for event in self._events)
+
+
 def list_paths(
     work: Work,
     file: str,
@@ -129,30 +193,17 @@ def list_paths(
     ``cl/shared/grid.h``; ``reach`` says where samples may lie relative to their pixels, x from and
     to, y from and to. Returns how many paths each tile lists.
     """
-    runtime, buffers, plan = work.runtime, work.buffers, work.plan
-    left, top, columns, rows = tile_grid(plan)
-    tiles, chunk = columns * rows, max(1, -(-count // _BIN_CHUNKS))
-    chunks = -(-count // chunk)
-    grid = packed("iiiiiIIffff", left, top, columns, rows, plan.tile, count, chunk, *reach)
-    counts = runtime.allocate(4 * chunks * tiles, "counts of paths by tile")
-    buffers["starts"] = runtime.allocate(4 * (tiles + 1), "starts")
-    events = []
-    if chunks:
-        kernel = runtime.kernel(file, "bin_count", tuple(options))
-        events.append(runtime.run(kernel, chunks, *given, grid, counts))
-    scan = runtime.kernel("shared/scan.cl", "bin_scan")
-    numbers = np.uint32(tiles), np.uint32(chunks)
-    events.append(runtime.run(scan, 1, *numbers, counts, buffers["starts"]))
-    starts = runtime.download(buffers["starts"], (tiles + 1,), np.uint32)
+    plan = work.plan
+    lists = Lists(work.runtime, file, options, given, count, tile_grid(plan), plan.tile, reach)
+    starts = lists.starts
     if starts[-1] == records.NONE:
         larger = ", or with a larger tile_size" if plan.settings.method == "analytic" else ""
-        raise CapacityError(f"the {tiles} tiles list 2**32 paths or more; render in crops{larger}")
-    _check_members(work, 4 * int(starts[-1]))
-    buffers["members"] = runtime.allocate(4 * int(starts[-1]), "paths by tile")
-    if chunks:
-        kernel = runtime.kernel(file, "bin_file", tuple(options))
-        events.append(runtime.run(kernel, chunks, *given, grid, counts, buffers["members"]))
-    work.timings["bin"] = sum(seconds(event) for event in events)
+        raise CapacityError(
+            f"the {len(starts) - 1} tiles list 2**32 paths or more; render in crops{larger}"
+        )
+    check_members(work, 4 * int(starts[-1]))
+    work.buffers["starts"], work.buffers["members"] = lists.places, lists.file()
+    work.timings["bin"] = lists.seconds()
     return np.asarray(np.diff(starts.astype(np.int64)))
 
 
@@ -181,7 +232,7 @@ def memory_room(work: Work, besides: Container[str] = ()) -> int:
     return int(min(room, work.plan.memory - used - film_bytes(work.plan)))
 
 
-def _check_members(work: Work, size: int) -> None:
+def check_members(work: Work, size: int) -> None:
     """Refuse lists of paths by tile, of ``size`` bytes, that the plan's memory has no room for."""
     if work.plan.memory is None or size <= memory_room(work):
         return
@@ -209,7 +260,7 @@ def in_parts(
         end = max(int(np.searchsorted(until, before + most, side="right")), done + 1)
         took = render(queue[done:end])
         load, done = float(until[end - 1] - before), end
-        most = load * np.clip(_SECONDS_AT_A_TIME / max(took, 1e-6), 0.1, 4.0)
+        most = load * np.clip(SECONDS_AT_A_TIME / max(took, 1e-6), 0.1, 4.0)
         yield done
 
 

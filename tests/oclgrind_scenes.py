@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import mbinterval as mb
+from mbinterval.aovs import RECORDED
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 from mbinterval.scene.tracks import Track
 
@@ -70,6 +71,17 @@ def glassy_crowd() -> list[Mesh]:
     return [triangles(60, material=Material("glass", shading="unlit", opacity=0.1))]
 
 
+def shaded() -> list[Mesh]:
+    """What shades and is shaded: flat and smooth, moving and at rest, translucent."""
+    rng = np.random.default_rng(3)
+    return [
+        triangles(3),
+        triangles(4, moving=False, material=Material("clay")),
+        triangles(5, material=Material("clay"), normals=rng.normal(size=(15, 3))),
+        triangles(2, material=Material("glass", opacity=0.5)),
+    ]
+
+
 def crowd() -> list[Mesh]:
     """One pixel with more intervals than small pools hold, in front of each other."""
     return [triangles(60)]
@@ -87,6 +99,12 @@ class Small:
 POINTS = {"method": "stochastic"}
 LAYERS = ("sharp", "depth", "normal", "uv", "object", "operations")
 ROLL = Shutter(rolling="left", line_offset=0.01, line_exposure=0.2, curve="triangle")
+LAMPS = (
+    Light("ambient", intensity=0.2),
+    Light("directional", direction=(0.3, -1.0, -0.5), shadows=True),
+    Light("point", position=(0.2, 0.5, -1.5), shadows=True),
+    Light("spot", position=(0.0, 0.0, 0.0), outer_angle=30.0, shadows=True),
+)
 SCENES = {
     "exact": Small(colorful, {"samples": 2}),
     "exact, crowded": Small(crowd, {"samples": 1}, capacity=400),
@@ -113,6 +131,13 @@ SCENES = {
     "layers, behind the eye": Small(
         lambda: [triangles(8, near=-1.0)], {"samples": 1, "aovs": (*LAYERS, "forward", "backward")}
     ),
+    "recorded": Small(
+        colorful, {"samples": 2, "aovs": RECORDED, "event_steps": 3}, scene={"shutter": ROLL}
+    ),
+    "recorded, translucent": Small(seen_through, {"samples": 1, "aovs": RECORDED}),
+    "recorded, triangulated": Small(
+        colorful, {"samples": 1, "aovs": "crypto_object", "paths": "triangulated"}
+    ),
     "translucent": Small(seen_through, {"samples": 2, "texture_samples": 18}),
     "textures over footprints": Small(colorful, {"samples": 1, "anisotropy": 3}, Camera(**LENS)),
     "translucent, adaptive": Small(seen_through, {"samples": 1, "shading_error": 0.02}),
@@ -123,6 +148,25 @@ SCENES = {
         lambda: [triangles(6, moving=False, material=Material("glass", opacity=0.5))]
     ),
     "translucent, pools grow": Small(glassy_crowd, {"samples": 1}, capacity=24),
+    "shadows": Small(
+        shaded, {"samples": 2, "texture_samples": 18, "motion_segments": 2}, scene={"lights": LAMPS}
+    ),
+    "shadows, layers": Small(
+        colorful, {"samples": 1, "aovs": LAYERS}, Camera(**LENS), {"shutter": ROLL, "lights": LAMPS}
+    ),
+    "shadows, at rest": Small(
+        lambda: [triangles(6, moving=False, material=Material("clay"))], {"samples": 1},
+        scene={"lights": LAMPS},
+    ),
+    "shadows, pools grow": Small(
+        lambda: [triangles(12, material=Material("clay"))], {"samples": 1}, capacity=10,
+        scene={"lights": LAMPS[:2]},
+    ),
+    "stochastic, shadows": Small(shaded, {"samples": 3} | POINTS, scene={"lights": LAMPS}),
+    "stochastic, shadow map": Small(
+        shaded, {"samples": 3, "shadow_map": 17, "shadow_strata": 3} | POINTS,
+        scene={"lights": LAMPS},
+    ),
     "static": Small(lambda: [triangles(6, moving=False)], {"samples": 2}),
     "empty": Small(list, {"samples": 1}),
     "transparent": Small(colorful, {"samples": 1, "transparent": True, "tile_size": 8}),
@@ -159,6 +203,9 @@ SCENES = {
     "stochastic, edges": Small(
         colorful, {"samples": 2, "test": "edges", "shading_rate": "pixel"} | POINTS
     ),
+    "stochastic, texels counted": Small(
+        colorful, {"samples": 2, "statistics": True} | POINTS
+    ),
     "stochastic, frameless": Small(
         colorful, {"samples": 2, "frameless": 3, "hybrid": True} | POINTS,
         scene={"shutter": ROLL},
@@ -178,12 +225,19 @@ SCENES = {
     "accumulation": Small(
         colorful, {"method": "accumulation", "slices": 3, "samples": 2, "motion_segments": 1}
     ),
+    "accumulation, lines": Small(
+        lambda: [triangles(4)],
+        {"method": "accumulation", "slices": 3, "samples": 2, "motion_segments": 1,
+         "slice_lens": "line"},
+        Camera(**LENS),
+    ),
 }  # fmt: skip
 
 
 def plan_of(small: Small) -> tuple[object, object, object]:
     """Exposure, motion and plan of a scene."""
     from mbinterval.flow import add_flow
+    from mbinterval.ids import add_hashes
     from mbinterval.motion import lay_out
     from mbinterval.plan import make_plan, roll_lines
     from mbinterval.scene.exposure import expose
@@ -197,6 +251,7 @@ def plan_of(small: Small) -> tuple[object, object, object]:
     lines = roll_lines(scene, *SIZE)
     exposure = expose(scene, 1.0, SIZE[0] / SIZE[1], settings.motion_segments, lines)
     motion = add_flow(lay_out(exposure, *SIZE), scene, exposure, settings, *SIZE)
+    motion = add_hashes(motion, scene, settings.aovs)
     sizes = {} if small.capacity is None else {"capacity": small.capacity}
     return exposure, motion, make_plan(exposure, motion, settings, *SIZE, (0, 0, *SIZE), **sizes)
 

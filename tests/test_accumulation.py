@@ -1,4 +1,6 @@
-"""Accumulated slices: static pictures at their times, and stochastic passes for curved motion."""
+"""Accumulated slices: static pictures at their times, stochastic passes for curved motion, lines
+across the lens.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +8,19 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import pytest
+from kernels import plan_of
+from point_samples import twin_film
 from reference.accumulation import render as twin
 from test_hard_cases import CASES, SIZE
+from test_stochastic_agreement import repeated, welch, with_small_lens
+from test_stochastic_culling import random_scene
+from test_stochastic_twin import with_lens
 
 import mbinterval as mb
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.model import Scene
+from mbinterval.settings import CULLS
 
 
 def film(of: Scene, **values: object) -> np.ndarray:
@@ -61,3 +70,67 @@ def test_stochastic_passes_follow_a_curve():
     ends = replace(of, meshes=[replace(of.meshes[0], positions=of.meshes[0].positions[::8])])
     straight = film(ends, slices=8, samples=16, slice_times="stochastic")
     assert np.sqrt(np.mean((straight - truth) ** 2)) > 0.03
+
+
+LINES = {"slice_lens": "line"}
+
+
+@pytest.mark.parametrize("times", ["uniform", "stochastic"])
+def test_lines_are_the_twins(times):
+    """On the samples that the kernels draw, seen by brute force."""
+    of = with_lens(CASES["interpenetrating meshes"].make())
+    settings = mb.Settings(
+        method="accumulation", slices=8, samples=4, slice_times=times, **LINES
+    )  # fmt: skip
+    exposure, _, plan = plan_of(of, settings, *SIZE)
+    want = twin_film(plan, exposure, *SIZE)[0]
+    found = mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings).rgba
+    assert (np.abs(found - want).max(axis=-1) > 1e-5).mean() < 5e-3
+    point = mb.render(
+        of, width=SIZE[0], height=SIZE[1], settings=replace(settings, slice_lens="point")
+    )
+    assert (np.abs(point.rgba - want).max(axis=-1) > 1e-2).mean() > 0.2
+
+
+def test_lines_have_the_mean_of_the_thin_lens_and_a_narrower_lens_has_not():
+    """In motion, pixel by pixel, against exact time with the same places in every pixel."""
+    of = with_small_lens(CASES["interpenetrating meshes"].make())
+    lines = {"method": "accumulation", "slices": 16, "samples": 4, "slice_times": "jittered"}
+    slices = repeated(of, 200, **lines, **LINES)
+    exact = {"samples": 4, "pattern": "fixed"}
+    t, bound = welch(slices, repeated(of, 100, **exact), (200, 100))
+    assert np.isfinite(t).sum() > 1500
+    assert np.nanmax(np.abs(t) / bound) < 1.0
+    assert abs(np.nanstd(t) - 1.0) < 0.1
+    narrow = replace(of, camera=replace(of.camera, f_stop=1.1 * of.camera.f_stop))
+    t, bound = welch(slices, repeated(narrow, 100, **exact), (200, 100))
+    assert np.nanmax(np.abs(t) / bound) > 1.0
+
+
+def test_lines_are_nearer_than_as_many_points_where_slices_are_few():
+    of = with_small_lens(CASES["interpenetrating meshes"].make())
+    truth = film(of, slices=512, samples=4)
+
+    def error(**values: object) -> float:
+        films = [film(of, samples=4, seed=seed, **values) for seed in range(6)]
+        return float(np.sqrt(np.mean([(found - truth) ** 2 for found in films])))
+
+    for slices in (4, 8):
+        assert error(slices=slices, **LINES) < 0.8 * error(slices=slices)
+
+
+def test_every_culling_method_sees_the_same_through_lines():
+    names = [name for name in CULLS if name not in ("interleave_uvt", "clip_space_printed")]
+    of = random_scene(3)
+    films = [film(of, slices=16, samples=4, cull=name, **LINES).tobytes() for name in names]
+    assert set(films) == {films[0]}
+    assert film(of, slices=16, samples=4, seed=1, **LINES).tobytes() != films[0]
+
+
+def test_a_pinhole_has_no_lines():
+    of = CASES["interpenetrating meshes"].make()
+    assert film(of, slices=4, **LINES).tobytes() == film(of, slices=4).tobytes()
+    for values, lens, there in ((LINES, True, True), (LINES, False, False), ({}, True, False)):
+        settings = mb.Settings(method="accumulation", **values)
+        plan = plan_of(with_lens(of) if lens else of, settings, *SIZE)[2]
+        assert ("-DLENS_LINES" in plan.options) == there

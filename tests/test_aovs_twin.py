@@ -174,7 +174,12 @@ def test_a_file_reads_back_equal_with_layers_and_names(tmp_path):
 def test_its_channels_are_where_other_programs_look(tmp_path):
     path = film().write(tmp_path / "a.exr")
     channels = OpenEXR.File(str(path), separate_channels=True).channels()
-    names = {channel for aov in AOVS.values() for channel in aov.channels}
+    moments = [aov for name, aov in AOVS.items() if not name.startswith("crypto_")]
+    names = {channel for aov in moments for channel in aov.channels}
+    names |= {
+        f"crypto_{kind}{place}.{channel}"
+        for kind in ("object", "material") for place in ("00", "01", "02") for channel in "RGBA"
+    }  # fmt: skip
     assert set(channels) == {*"RGBAZ", "intervals", *names}
     flow_y = channels["forward.v"].pixels
     assert flow_y.dtype == np.float32

@@ -243,3 +243,33 @@ def test_films_of_a_batch_are_read_back_whole(tmp_path, undisturbed):
     film = Film.read(tmp_path / "a.exr")
     assert film.metadata["frame"] == 3.0
     assert len(film.metadata["identity"]) == 64
+
+
+NO_MEMORY = """
+import resource, mbinterval
+from pathlib import Path
+def render(*_, real=mbinterval.render, **arguments):
+    if arguments["frame"] == 3:
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        limit = pages * resource.getpagesize() + (8 << 20)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+        arguments |= {"width": 1600, "height": 1200}
+    return real(*_, **arguments)
+mbinterval.render = render
+"""
+
+
+def test_a_device_that_runs_out_of_memory_ends_the_job_and_earlier_frames_stay(
+    tmp_path, undisturbed
+):
+    """The process may take 8 MB more, the film's buffers of the CPU device take 46."""
+    code, said = finish(start(tmp_path, "--log", "log.jsonl", before=NO_MEMORY))
+    assert code == 5
+    assert "out of memory" in said
+    assert "Traceback" not in said
+    assert images(tmp_path) == {name: undisturbed[name] for name in list(undisturbed)[:4]}
+    assert not list(tmp_path.glob(".*"))
+    failed, end = (
+        json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()[-2:]
+    )
+    assert (failed["frame"], failed["status"], failed["exit"], end["exit"]) == (3, "failed", 5, 5)

@@ -12,10 +12,16 @@ import pytest
 
 import mbinterval
 from mbinterval import cli, errors
+from mbinterval.events import COLUMNS, Events
 from mbinterval.film import Film
 from mbinterval.scene.load import RenderDefaults
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
+
+
+def no_events(height, width):
+    columns = {name: np.zeros(0, kind) for name, kind in COLUMNS.items()}
+    return Events((height, width, 1), np.zeros(height * width + 1, np.int64), columns)
 
 
 class FakeApi:
@@ -47,6 +53,7 @@ class FakeApi:
             resolution=(arguments["width"], arguments["height"]),
             metadata={"software": "mbinterval test"},
             notes=self.notes,
+            events=no_events(*size),
         )
 
 
@@ -127,29 +134,38 @@ def test_every_setting_has_an_option_with_help_and_reaches_the_render(api, capsy
         "anisotropy": 4,
         "motion_segments": 4,
         "motion_error": 0.25,
+        "shadows": "all",
         "seed": 5,
         "transparent": True,
         "tile_size": 8,
-        "aovs": "uv,depth",
+        "aovs": "uv,depth,crypto_object",
         "aov_time": 0.25,
+        "cryptomatte_levels": 4,
+        "deep_tolerance": 0.1,
     }
     sampled = {"method": "stochastic", "cull": "bbox", "cull_tile": 2, "test": "edges",
-               "hybrid": True, "frameless": 4, "statistics": True}  # fmt: skip
+               "hybrid": True, "frameless": 4, "shadow_map": 64,
+               "shadow_strata": 2, "shadow_bias": 1.5, "statistics": True}  # fmt: skip
     slices = {"method": "accumulation", "slices": 7, "slice_times": "jittered",
-              "shading_rate": "pixel"}  # fmt: skip
-    ways = (values, sampled, slices)
+              "slice_lens": "line", "shading_rate": "pixel"}  # fmt: skip
+    seen = {"aovs": "events", "event_steps": 7}
+    ways = (values, sampled, slices, seen)
     assert set().union(*ways) == {setting.name for setting in fields(Settings)}
     for index, way in enumerate(ways):
         arguments = []
         for name, value in way.items():
             option = f"--{name.replace('_', '-')}"
             arguments += [option] if value is True else [option, str(value)]
-        assert cli.main(["render", "s.toml", *arguments]) == 0
+        output = "a.npz" if way is seen else "a.exr"
+        assert cli.main(["render", "s.toml", "-o", output, *arguments]) == 0
         assert api.calls[index]["settings"] == Settings(**way)
     with pytest.raises(SystemExit):
         cli.main(["render", "--help"])
     text = capsys.readouterr().out
     assert all(f"--{name.replace('_', '-')}" in text for name in set().union(*ways))
+
+
+EXPECTED = "expected .exr, .png, .npz or .parquet"
 
 
 def test_crop_and_device_are_passed_on(api):
@@ -174,8 +190,14 @@ def test_crop_and_device_are_passed_on(api):
         (["other.toml"], "unexpected argument 'other.toml'"),
         (["--output", ""], "argument -o/--output: output '': a file's name is empty"),
         (["-o", "a.exr,,b.exr"], "output 'a.exr,,b.exr': a file's name is empty"),
-        (["--output", "a.tif"], "a.tif: unknown ending '.tif'; expected .exr or .png"),
-        (["--output", "a"], "argument -o/--output: a: no ending; expected .exr or .png"),
+        (
+            ["--output", "a.tif"],
+            "a.tif: unknown ending '.tif'; expected .exr, .png, .npz or .parquet",
+        ),
+        (
+            ["--output", "a"],
+            "argument -o/--output: a: no ending; expected .exr, .png, .npz or .parquet",
+        ),
     ],
 )
 def test_bad_arguments_exit_2_and_name_the_option(api, capsys, arguments, message):
@@ -214,7 +236,7 @@ def test_bad_settings_and_outputs_exit_2_before_anything_is_rendered(
         (
             ["s.toml"],
             "unknown command 's.toml', known here: render, info, compare, study, recommend, bench, "
-            "devices",
+            "openjd, devices",
         ),
         (["--samples", "4", "render"], "--samples: options come after the command"),
         ([], "the following arguments are required: COMMAND"),
@@ -262,7 +284,7 @@ def test_bad_values_of_a_scene_file_are_the_scenes_fault(job):
     assert code == 3
     assert "render.frames: frames '1..3': '1..3' is no frame or range" in said
     assert "render.width: expected less than or equal to 65536, got 70000" in said
-    assert "render.output: a.tif: unknown ending '.tif'; expected .exr or .png" in said
+    assert f"render.output: a.tif: unknown ending '.tif'; {EXPECTED}" in said
     both = '[render]\nframes = "1-3"\noutput = "a.exr"'
     code, _, said = job(both)
     assert code == 3

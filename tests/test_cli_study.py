@@ -33,7 +33,7 @@ def test_a_study_leaves_a_report_and_goes_on(tmp_path, capsys):
     assert len(list((tmp_path / "references").iterdir())) == 3
     err = capsys.readouterr().err
     assert "reference of point samples: 2 renders, error" in err
-    assert "1 of 6 rows, about" in err
+    assert "1 of 8 rows, about" in err
     first = json.loads((folder / "study.json").read_text())
     assert run(*options, "--sweeps", "five-point,slices-4,limit") == 0
     second = json.loads((folder / "study.json").read_text())

@@ -165,6 +165,30 @@ def test_a_cache_that_cannot_be_written_is_explained(tmp_path):
     assert good.stdout.startswith("found"), good.stderr
 
 
+FULL = """
+import resource, signal
+import mbinterval as mb
+mb.devices()
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+try:
+    print("rendered", mb.render(mb.Scene(meshes=()), width=4, height=4).device)
+except mb.DeviceError as error:
+    print("error", error)
+"""
+
+
+def test_a_cache_on_a_full_disk_is_explained(tmp_path):
+    """A limit to the size of files stands in for it; other implementations have no such cache."""
+    cache = tmp_path / "cache"
+    run = python(FULL, POCL_CACHE_DIR=str(cache), PYOPENCL_NO_CACHE="1")
+    assert run.returncode == 0, run.stderr
+    if run.stdout.startswith("rendered") and "pthread" not in run.stdout:
+        return
+    assert f"PoCL's kernel cache {cache} cannot be written, or its disk is full" in run.stdout
+    assert "set POCL_CACHE_DIR" in run.stdout
+
+
 def test_the_cache_folder_is_where_pocl_looks(monkeypatch, tmp_path):
     monkeypatch.setenv("POCL_CACHE_DIR", "/a/b")
     assert choose.pocl_cache_folder() == Path("/a/b")
@@ -205,6 +229,24 @@ def test_kernels_are_made_per_thread(tmp_path):
     with ThreadPoolExecutor(1) as pool:
         other = pool.submit(lambda: runtime().kernel(str(file), "two")).result()
     assert other is not mine
+
+
+def test_two_runtimes_that_build_at_once_say_nothing_and_leave_warnings_as_they_are(tmp_path):
+    """What a compiler remarks goes to the log: pyopencl warns of it, as of an error here."""
+    import warnings
+    from concurrent.futures import ThreadPoolExecutor
+
+    def build(device: Runtime) -> None:
+        for number in range(8):
+            device.kernel(str(tmp_path / f"{number}.cl"), "f", (f"-DBY={id(device)}",))
+
+    for number in range(8):
+        text = '#warning "a remark"\nkernel void f(global long *p) { p[0] = BY; }\n'
+        (tmp_path / f"{number}.cl").write_text(text)
+    before = list(warnings.filters)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(build, [Runtime(choose_device()) for _ in range(2)]))
+    assert warnings.filters == before
 
 
 def test_renders_in_two_threads_at_once_are_those_of_one():

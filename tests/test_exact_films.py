@@ -110,7 +110,12 @@ def test_shipped_scenes_agree_with_the_exact_twin(name):
         scene = replace(scene, background=(0.5, 0.6, 0.7))
     if scene.shutter.rolling:  # and exposes all lines together (tests/test_shutter_lens.py)
         scene = replace(scene, shutter=mb.Shutter())
-    settings = mb.Settings(samples=1, texture_samples=16)
+    if scene.camera.f_stop is not None:  # and has no lens (likewise)
+        pinhole = replace(scene.camera, f_stop=None, focus_distance=None)
+        scene = replace(scene, camera=pinhole)
+    settings = mb.Settings(  # nor shadows (tests/test_shadows.py)
+        samples=1, texture_samples=16, shadows="off"
+    )
     film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
     error = film.rgba - twin(exposed(scene, settings), settings).rgba
     print(f"\n{name}: RMSE {rms(error):.1e}, greatest {np.abs(error).max():.1e}")

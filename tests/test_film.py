@@ -2,6 +2,7 @@
 
 import os
 import resource
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -168,7 +169,7 @@ def test_pixels_that_are_not_finite_are_written_too(tmp_path, ending):
 
 def test_an_unknown_ending_is_a_usage_error(tmp_path):
     for name in ("a.tif", "a", "exr"):
-        with pytest.raises(UsageError, match=r"expected \.exr or \.png"):
+        with pytest.raises(UsageError, match=r"expected \.exr, \.png, \.npz or \.parquet"):
             make_film().write(tmp_path / name)
     assert not list(tmp_path.iterdir())
 
@@ -300,3 +301,25 @@ def test_a_camera_beyond_float32_is_written_without_a_warning(tmp_path):
     matrix = tuple(np.diag([1.0, 1.0, 1e200, 1.0]).ravel().tolist())
     path = make_film(metadata={"worldToCamera": matrix}).write(tmp_path / "a.exr")
     assert Film.read(path).metadata["worldToCamera"][10] == np.inf
+
+
+def test_an_attribute_of_an_unknown_type_does_not_keep_an_exr_from_being_read(tmp_path):
+    """The package gives its bytes, which are not always text."""
+    path = make_film().write(tmp_path / "a.exr")
+    kind = b"pixelDigest\0string\0"
+    data = path.read_bytes()
+    place = data.index(kind) + len(kind) + 4
+    data = data.replace(kind, b"pixelDigest\0strimg\0")
+    path.write_bytes(data[:place] + b"\xe7\xff" + data[place + 2 :])
+    assert np.array_equal(Film.read(path).rgba, make_film().rgba)
+
+
+def test_a_tag_that_says_nothing_of_the_pixels_may_be_damaged(tmp_path, recwarn):
+    image = Image.new("RGB", (4, 4), (255, 0, 0))
+    image.save(tmp_path / "a.tif", tiffinfo={270: "a description", 305: "a program"})
+    data = (tmp_path / "a.tif").read_bytes()
+    entry = struct.pack("<HHI", 305, 2, 10)
+    assert entry in data
+    (tmp_path / "a.tif").write_bytes(data.replace(entry, struct.pack("<HHI", 305, 2, 10**6)))
+    assert np.array_equal(read_image(tmp_path / "a.tif"), np.full((4, 4, 3), [1, 0, 0]))
+    assert not recwarn.list

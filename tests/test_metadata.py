@@ -56,23 +56,36 @@ def test_the_matrices_take_world_points_to_the_camera_at_open_and_close():
 
 
 SAMPLED = ("cull", "cull_tile", "test", "shading_rate", "hybrid", "frameless", "slices",
-           "slice_times", "statistics")  # fmt: skip
+           "slice_times", "slice_lens", "statistics", "shadow_map", "shadow_strata",
+           "shadow_bias")  # fmt: skip
 """Settings of methods that draw samples."""
 
 
 def test_what_cannot_change_the_image_is_left_out():
     assert metadata(settings=Settings(tile_size=8)) == metadata(settings=Settings(tile_size=32))
     changed = Settings(
-        paths="triangulated", max_intervals=1, motion_segments=1, filter_radius=1.0, aovs="uv"
+        paths="triangulated",
+        max_intervals=1,
+        motion_segments=1,
+        filter_radius=1.0,
+        aovs="crypto_object,deep",
     )
     given = metadata(settings=changed)
     for setting in dataclasses.fields(Settings):
-        written = setting.name != "tile_size" and setting.name not in SAMPLED
+        unwritten = ("tile_size", "shadows", "event_steps", *SAMPLED)
+        written = setting.name not in unwritten
         assert (f"settings.{setting.name}" in given) == written
+    of_aovs = {"aovs", "aov_time", "cryptomatte_levels", "deep_tolerance", "event_steps"}
+    assert not {f"settings.{name}" for name in of_aovs} & metadata(settings=Settings()).keys()
     sampled = metadata(settings=Settings(method="stochastic", cull="hull", statistics=True))
     assert sampled == metadata(settings=Settings(method="stochastic"))
     assert sampled["settings.pattern"] == "sobol"
     assert "settings.occlusion" not in sampled
+    assert metadata(settings=Settings(shadows="off"))["settings.shadows"] == "off"
+    mapped = metadata(settings=Settings(method="stochastic", shadow_map=64))
+    assert {name: mapped[f"settings.shadow_{name}"] for name in ("map", "strata", "bias")} == {
+        "map": 64, "strata": 4, "bias": 3.0
+    }  # fmt: skip
     printed = metadata(settings=Settings(method="stochastic", cull="clip_space_printed"))
     assert printed["settings.cull"] == "clip_space_printed"
 

@@ -12,7 +12,7 @@ from closed_forms import UNIT_CAMERA, rectangle, world
 from kernels import plan_of
 
 import mbinterval as mb
-from mbinterval.aovs import AOVS
+from mbinterval.aovs import AOVS, RECORDED
 from mbinterval.device.runtime import runtime
 from mbinterval.errors import KernelBuildError, UsageError
 from mbinterval.plan import Plan, check_crop
@@ -191,6 +191,23 @@ def test_what_is_opaque_leaves_no_code_of_transparency():
     )  # fmt: skip
 
 
+def test_lights_without_shadows_leave_no_code_of_them():
+    """The host has no buffers for them either: they are arguments of the kernel."""
+    names = ("ShadowLight", "LightView", "light_along", "caster_functions", "shadow_lights")
+    clay = [mesh(material=Material("clay")), mesh(False, material=Material("clay"))]
+    for casts, chosen in ((False, "lights"), (True, "off")):
+        lights = [Light("directional", shadows=casts), Light("spot", shadows=casts)]
+        of = Scene(meshes=clay, camera=UNIT_CAMERA, lights=lights)
+        assert builds_without(plan(scene=of, shadows=chosen), names, "shared/records.h")
+        assert not builds_without(plan(scene=of, shadows="all"), names, "shared/records.h")
+    plain = plan(scene=Scene(meshes=clay, camera=UNIT_CAMERA, lights=[Light("directional")]))
+    assert not [option for option in plain.options if "SHADOW" in option]
+    assert "shadow" not in plain.stages
+    ambient = [Light("ambient", shadows=True)]
+    none = plan(scene=Scene(meshes=clay, camera=UNIT_CAMERA, lights=ambient), shadows="all")
+    assert "shadows" not in active(none)
+
+
 def test_what_is_translucent_has_the_stage_of_stacks_and_only_the_code_that_it_needs():
     planned = plan(mesh(material=GLASS))
     assert planned.stages == ("paths", "bin", "solve", "stack", "shade", "resolve")
@@ -235,13 +252,15 @@ def test_a_layer_that_is_not_asked_for_leaves_no_code_no_buffer_and_no_stage(nam
 def test_point_lights_are_called_for_by_lit_materials_under_them():
     clay = mesh(material=Material("clay"))
     for lights, meshes, called_for in (
-        ([Light("point")], [clay], True),
-        ([Light("directional")], [clay], False),
-        ([Light("point")], [mesh()], False),
+        ([Light("point")], [clay], ["POINT"]),
+        ([Light("spot")], [clay], ["POINT", "SPOT"]),
+        ([Light("directional")], [clay], []),
+        ([Light("point"), Light("spot")], [mesh()], []),
     ):
         planned = plan(scene=Scene(meshes=meshes, camera=UNIT_CAMERA, lights=lights))
-        assert ("point lights" in active(planned)) == called_for
-        assert ("-DPOINT_LIGHTS" in planned.options) == called_for
+        for kind in ("POINT", "SPOT"):
+            assert (f"{kind.lower()} lights" in active(planned)) == (kind in called_for)
+            assert (f"-D{kind}_LIGHTS" in planned.options) == (kind in called_for)
 
 
 def test_plans_are_values():
@@ -278,7 +297,12 @@ SEEN_THROUGH = dataclasses.replace(
     meshes=[*EVERYTHING.meshes, mesh(material=LEAF, uv=UV), mesh(material=FADING, **VERTEX_ALPHA)],
 )
 SHARP = {"aovs": "sharp"}
-SEE_THROUGHS = ("glass", "leaf", "everything, seen through")
+ONLY_EXACT = (
+    *("glass", "leaf", "everything, seen through", "everything, recorded"),
+    *("shaded", "shaded, at rest", "shaded, seen through"),
+)
+CRYPTO = ("crypto_object", "deep")
+LAMPS = [Light("point", shadows=True), Light("directional", shadows=True)]
 LAYERS = ("depth", "normal", "uv", "forward", "backward", "object", "material")
 BUILT = {
     "empty": (Scene(meshes=[], camera=UNIT_CAMERA), {}),
@@ -290,6 +314,16 @@ BUILT = {
     "glass": (Scene(meshes=[mesh(material=GLASS)], camera=UNIT_CAMERA), SHARP),
     "leaf": (Scene(meshes=[mesh(material=LEAF, uv=UV), mesh(False)], camera=UNIT_CAMERA), SHARP),
     "everything, seen through": (SEEN_THROUGH, SHARP),
+    "everything, recorded": (SEEN_THROUGH, {"aovs": RECORDED}),
+    "static, recorded": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {"aovs": CRYPTO}),
+    "empty, recorded": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": CRYPTO}),
+    "flat, recorded": (Scene(meshes=[mesh()], camera=UNIT_CAMERA), {"aovs": CRYPTO}),
+    "shaded": (dataclasses.replace(EVERYTHING, lights=LAMPS), SHARP),
+    "shaded, at rest": (
+        Scene(meshes=[mesh(False, material=Material())], camera=UNIT_CAMERA, lights=LAMPS),
+        {},
+    ),
+    "shaded, seen through": (dataclasses.replace(SEEN_THROUGH, lights=LAMPS), SHARP),
     "everything, clear": (EVERYTHING, {"transparent": True, "samples": 1, "tile_size": 8}),
     "empty, with layers": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": LAYERS}),
     "static, with layers": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {"aovs": LAYERS}),
@@ -300,7 +334,7 @@ BUILT = {
 
 @pytest.mark.parametrize(
     ("name", "way"),
-    [(name, way) for name in BUILT for way in WAYS if way == "exact" or name not in SEE_THROUGHS],
+    [(name, way) for name in BUILT for way in WAYS if way == "exact" or name not in ONLY_EXACT],
 )
 def test_kernels_build_without_a_warning(name, way, caplog):
     import pyopencl as cl

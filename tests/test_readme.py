@@ -55,7 +55,7 @@ def test_its_batch_is_one_that_can_be_run(monkeypatch):
 def test_its_python_example_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
-    code, data = blocks("python")
+    code, data, made_later = blocks("python")
     exec(code, names)
     assert names["film"].rgba.shape == (240, 320, 4)
     assert (tmp_path / "triangle.exr").is_file()
@@ -67,6 +67,15 @@ def test_its_python_example_runs(tmp_path, monkeypatch):
     assert names["flow"].shape == (48, 64, 2)
     assert 0.1 < names["fox"].mean() < 0.5
     assert not np.array_equal(names["blurred"], names["sharp"])
+    settings = mbinterval.Settings(samples=1, aovs="events")
+    film = mbinterval.render(scene.scene, width=64, height=48, settings=settings)
+    film.write("render/fox.0001.npz")
+    exec(made_later, names)
+    assert len(names["sharper"]) == 7
+    assert np.abs(np.mean(names["sharper"], axis=0)[..., 3] - film.rgba[..., 3]).max() < 1e-5
+    assert {"x", "y", "polarity"} < names["changes"].keys()
+    assert len(names["changes"]["t"]) > 100
+    assert names["alpha"] == pytest.approx(film.rgba[30, 20, 3], abs=1e-5)
 
 
 def test_it_says_of_every_shipped_scene_who_wins():
@@ -116,7 +125,7 @@ def test_its_tables_of_stages_are_what_renders_time():
     timed |= set(mbinterval.render(seen_through, width=16, height=16).timings)
     ways = (
         {"pattern": "sobol"},
-        {"occlusion": 32},
+        {"occlusion": 32, "aovs": "crypto_object"},
         {"paths": "triangulated", "occlusion": 32},
         {"samples": 1, "filter": "five_point", "aovs": "depth"},
         {"method": "stochastic", "pattern": "rgss"},

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from kernels import run
 
-from mbinterval.device.records import BY_NAME
+from mbinterval.device.records import BY_NAME, SHADED_SPAN
 
 
 def probe_source(name: str, dtype: np.dtype) -> str:
@@ -82,6 +82,15 @@ def test_every_record_of_the_header_has_a_dtype():
     header = (kernel_root() / "shared" / "records.h").read_text()
     declared = {line[2:-1] for line in header.splitlines() if line.startswith("} ")}
     assert declared == set(BY_NAME)
+
+
+def test_spans_have_their_steps_where_lights_cast_shadows(tmp_path):
+    file, dtype = tmp_path / "probe.cl", SHADED_SPAN
+    file.write_text(probe_source("Span", dtype))
+    arguments = [sample(dtype), np.zeros(1 + 2 * len(dtype.names), np.uint64), np.zeros(5)]
+    _, layout, values = run(file, "probe", arguments, ["-DSHADOWS=1"])
+    assert layout.tolist() == host_layout(dtype)
+    assert np.array_equal(values, flattened(sample(dtype)))
 
 
 CHANGES = {

@@ -151,6 +151,28 @@ def test_phong_is_ambient_plus_cosine_plus_highlight(speed):
     assert np.abs(image - 1.01 * want).max() > 1e-3
 
 
+@pytest.mark.parametrize("inner", [0.0, 20.0, 29.999])
+def test_a_spot_light_fades_between_its_angles(inner):
+    spot = Light(
+        "spot", position=(0.0, 0, 0), direction=(0, 0, -2), inner_angle=inner, outer_angle=30.0
+    )
+    wall = Mesh(
+        positions=world(rectangle(0, 32, 0, 16), 2.0, SIZE),
+        faces=FACES,
+        material=Material(specular=(0, 0, 0)),
+    )
+    row = shot([wall], (spot,)).rgba[7, :, 0]
+    lamp = shot([wall], (Light("point"),)).rgba[7, :, 0]
+    at = world(np.stack([np.arange(32) + 0.5, np.full(32, 7.5)], axis=1), 2.0, SIZE)
+    cosine = -at[:, 2] / np.linalg.norm(at, axis=1)
+    low, high = np.cos(np.radians([30.0, inner]))
+    share = np.clip((cosine - low) / max(high - low, 1e-3), 0, 1) ** 2
+    assert np.count_nonzero(share) >= 8
+    assert np.count_nonzero(share == 0) >= 4
+    assert row == pytest.approx(share * lamp, abs=1e-9)
+    assert lamp.min() > 0.01
+
+
 def test_a_two_sided_surface_is_lit_on_the_viewers_side():
     lights = (Light("directional", direction=(0, 0, -1)),)
     front = quad(0.0, Material(specular=(0, 0, 0)))

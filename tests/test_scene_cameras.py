@@ -11,8 +11,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 
 import mbinterval as mb
 from mbinterval.errors import SceneError, UsageError
+from mbinterval.scene.framing import framing_camera
 from mbinterval.scene.load import load_file
-from mbinterval.scene.model import Viewpoint
+from mbinterval.scene.model import Mesh, Scene, Viewpoint
 
 
 def two_cameras(path: Path) -> Path:
@@ -161,3 +162,10 @@ def test_layers_and_textures_of_usd_are_known(tmp_path):
     top.Save()
     found = names(load_file(tmp_path / "top.usda"), tmp_path)
     assert found == ["top.usda", inner.name, "t.png"]
+
+
+@pytest.mark.parametrize("size", [1e31, 1e200])
+def test_bounds_that_no_camera_can_see_are_refused(size):
+    mesh = Mesh(positions=[[0, 0, 0], [size, 0, 0], [0, size, 0]], faces=[[0, 1, 2]])
+    with pytest.raises(SceneError, match=r"its bounds reach beyond 1e\+30.*give a camera"):
+        framing_camera(Scene(meshes=[mesh]))

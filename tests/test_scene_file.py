@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from mbinterval.errors import SceneError
+from mbinterval.scene import generators
 from mbinterval.scene.load import load, load_file
 
 QUAD = {
@@ -63,7 +64,7 @@ def test_every_error_is_reported_at_once():
         "camera.fov": "expected less than 180, got 200",
         "camera.look_att": "unknown field, did you mean look_at?",
         "shutter": "close must come after open",
-        "lights[0].kind": "expected 'ambient', 'directional' or 'point', got 'sun'",
+        "lights[0].kind": "expected 'ambient', 'directional', 'point' or 'spot', got 'sun'",
         "lights[1].kind": "is missing",
         "objects[0].visible": "expected true or false, got 'yes'",
         "objects[0].material.shading": "expected 'unlit', 'phong' or 'metallic_roughness'",
@@ -371,3 +372,17 @@ def test_importing_mbinterval_loads_no_file_library():
     loaded = set(result.stdout.split())
     assert "numpy" in loaded
     assert not loaded & {"pydantic", "trimesh", "pygltflib", "PIL", "OpenEXR"}
+
+
+def test_what_does_not_fit_into_memory_is_named(monkeypatch):
+    def make(**_):
+        raise MemoryError
+
+    monkeypatch.setitem(generators.GENERATORS, "fast_cubes", make)
+    said = "generator: does not fit into memory; ask for less of it"
+    assert problems({"generator": {"name": "fast_cubes"}}) == [said]
+
+
+def test_an_empty_name_is_shown():
+    (said,) = problems({"camera": {"": 3}})
+    assert said.startswith("camera.'': unknown field")

@@ -372,21 +372,27 @@ def test_lights_in_lux_and_candela(tmp_path):
     lights = [
         {"type": "directional", "intensity": np.pi, "color": [1, 0.5, 0]},
         {"type": "point", "intensity": 2 * np.pi},
-        {"type": "spot", "intensity": np.pi},
+        {"type": "spot", "intensity": np.pi, "spot": {"innerConeAngle": 0.1}},
+        {"type": "spot", "spot": {"outerConeAngle": np.pi / 2}},
+        {"type": "area"},
     ]
     gltf.json["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
     half = np.sqrt(0.5)
-    places = [{"rotation": [-half, 0, 0, half]}, {"translation": [1, 2, 3]}, {}]
+    turned = {"rotation": [-half, 0, 0, half]}
+    places = [turned, {"translation": [1, 2, 3]}, {"translation": [4, 5, 6], **turned}, {}, {}]
     for index, place in enumerate(places):
         gltf.node(extensions={"KHR_lights_punctual": {"light": index}}, **place)
-    gltf.json["scenes"][0]["nodes"] = [0, 1, 2]
+    gltf.json["scenes"][0]["nodes"] = [0, 1, 2, 3, 4]
     asset = read_gltf(gltf.write(tmp_path / "a.glb"), 24.0)
-    sun, lamp, spot = (light.at(0.0) for light in asset.lights)
+    sun, lamp, spot, wide = (light.at(0.0) for light in asset.lights)
     np.testing.assert_allclose(sun.direction, [0, -1, 0], atol=1e-6)
     assert (sun.intensity, sun.color) == (1.0, (1.0, 0.5, 0.0))
     assert (lamp.position, lamp.intensity) == ((1.0, 2.0, 3.0), 2.0)
-    assert (spot.kind, spot.intensity) == ("point", 1.0)
-    assert asset.notes == ("a.glb: spot lights shine to all sides, as point lights",)
+    assert (spot.kind, spot.intensity, spot.position) == ("spot", 1.0, (4.0, 5.0, 6.0))
+    np.testing.assert_allclose(spot.direction, [0, -1, 0], atol=1e-6)
+    assert np.radians([spot.inner_angle, spot.outer_angle]) == pytest.approx([0.1, np.pi / 4])
+    assert (wide.inner_angle, wide.outer_angle) == (0.0, 90.0)
+    assert asset.notes == ("a.glb: area lights are left out",)
 
 
 def test_lights_move_with_their_nodes(tmp_path):
@@ -453,6 +459,79 @@ def test_damaged_documents_are_scene_errors(tmp_path, damage):
     gltf.node(mesh=0)
     damage(gltf)
     with pytest.raises(SceneError, match=r"a\.gltf: "):
+        read_gltf(gltf.write(tmp_path / "a.gltf"), 24.0)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "said"),
+    [
+        ("nodes 0 mesh", "x", r"nodes\[0\].mesh: expected a whole number from 0 up, got 'x'"),
+        ("nodes 0 mesh", True, r"nodes\[0\].mesh: expected a whole number from 0 up, got True"),
+        ("nodes 0 translation", [1, 2], r"nodes\[0\].translation: expected a list of 3 numbers"),
+        ("nodes 0 name", 7, r"nodes\[0\].name: expected a string, got 7"),
+        ("nodes 0 scale", [1, "a", 1], r"nodes\[0\].scale\[1\]: expected a finite number"),
+        ("nodes 0 scale", [1, float("nan"), 1], r"scale\[1\]: expected a finite number, got nan"),
+        ("accessors 0 type", "VEC5", r"accessors\[0\].type: expected SCALAR, VEC2, .*'VEC5'"),
+        ("accessors 0 count", None, r"accessors\[0\].count: is missing"),
+        ("accessors 0 count", 10**30, r"accessors\[0\].count: expected a whole number from 0 up"),
+        ("accessors 0 bufferView", None, r"accessors\[0\] has 4294967295 elements and no data"),
+        ("meshes", {}, "meshes: expected a list, got {}"),
+        ("meshes 0 primitives 0 attributes", None, r"primitives\[0\].attributes: is missing"),
+        ("meshes 0 primitives 0 attributes", [], r"primitives\[0\].attributes: expected an object"),
+        (
+            "extensions",
+            {"KHR_lights_punctual": {"lights": [3]}},
+            r"lights\[0\]: expected an object",
+        ),
+        ("extensions", {"KHR_lights_punctual": {"lights": [{}]}}, r"lights\[0\].type: is missing"),
+        ("nodes 0 extensions", 1.5, r"nodes\[0\].extensions: expected an object, got 1.5"),
+    ],
+)
+def test_what_is_not_gltf_is_named_with_its_place(tmp_path, place, value, said):
+    gltf = Gltf()
+    gltf.triangle()
+    gltf.node(mesh=0)
+    if place == "accessors 0 bufferView":
+        gltf.json["accessors"][0]["count"] = 2**32 - 1
+    *names, last = (int(name) if name.isdigit() else name for name in place.split())
+    within = gltf.json
+    for name in names:
+        within = within[name]
+    within[last] = value
+    with pytest.raises(SceneError, match=rf"a\.gltf: .*{said}"):
+        read_gltf(gltf.write(tmp_path / "a.gltf"), 24.0)
+
+
+def test_what_other_programs_write_otherwise_is_read(tmp_path):
+    """Null where there is nothing, and extensions that nobody knows."""
+    gltf = Gltf()
+    gltf.triangle()
+    gltf.node(mesh=0, camera=None, extensions={"EXT_unknown": {"light": "x"}}, extras={"a": [1]})
+    (mesh,) = read_gltf(gltf.write(tmp_path / "a.gltf"), 24.0).meshes
+    assert mesh.positions.shape == (3, 3)
+
+
+def test_a_syntax_error_has_its_line_and_column(tmp_path):
+    (tmp_path / "a.gltf").write_text('{"asset":\n {"version": }}')
+    with pytest.raises(SceneError, match=r"Expecting value \(at line 2, column 14 of its JSON\)"):
+        read_gltf(tmp_path / "a.gltf", 24.0)
+
+
+def test_a_file_whose_first_chunk_is_another_is_refused(tmp_path):
+    gltf = Gltf()
+    gltf.node(mesh=gltf.triangle())
+    data = gltf.write(tmp_path / "a.glb").read_bytes()
+    (tmp_path / "a.glb").write_bytes(data.replace(b"JSON", b"JSOX", 1))
+    with pytest.raises(SceneError, match=r"a\.glb: its first chunk is not JSON"):
+        read_gltf(tmp_path / "a.glb", 24.0)
+
+
+def test_a_broken_channel_is_named(tmp_path):
+    gltf = Gltf()
+    node = gltf.node(mesh=gltf.triangle())
+    gltf.animate(node, "translation", [0.0, 1.0], np.zeros((2, 3)))
+    gltf.json["animations"][0]["samplers"][0]["input"] = 0  # positions, not times
+    with pytest.raises(SceneError, match=r"animations\[0\]\.channels\[0\]: times .* no SCALAR"):
         read_gltf(gltf.write(tmp_path / "a.gltf"), 24.0)
 
 

@@ -639,7 +639,7 @@ def only_spheres(stage):
         (spoil_indices, "/quad: faceVertexIndices run from 0 to 9, but points from 0 to 3"),
         (spoil_primvar, "/quad: primvar 'displayColor' has 1 values, vertex asks for 4"),
         (spoil_influences, "/quad: faceVertexIndices run from 0 to 3, but points from 0 to -1"),
-        (spoil_order, "not a readable USD file"),
+        (spoil_order, "/quad: cannot be read .Invalid xform opType token 'transalte'"),
         (only_spheres, "holds no mesh, only Sphere"),
     ],
 )
@@ -650,9 +650,34 @@ def test_what_is_wrong_with_a_stage_is_said(tmp_path, spoil, said):
         read(stage)
 
 
+def test_a_colour_from_a_shader_without_an_id_is_left_out_and_said(tmp_path):
+    stage = new_stage(tmp_path)
+    mesh = quad(stage)
+    material = UsdShade.Material.Define(stage, "/look")
+    surface = UsdShade.Shader.Define(stage, "/look/surface")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    unknown = UsdShade.Shader.Define(stage, "/look/unknown")
+    unknown.CreateOutput("rgb", Sdf.ValueTypeNames.Color3f)
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(
+        unknown.ConnectableAPI(), "rgb"
+    )
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
+    assert "its colour comes from a shader without id; left out" in read(stage).notes[0]
+
+
+def test_a_value_of_another_type_is_told_of_by_its_prim(tmp_path):
+    stage = new_stage(tmp_path)
+    quad(stage).CreateHoleIndicesAttr([9])
+    with pytest.raises(SceneError, match=r"a\.usda: /quad: cannot be read \(IndexError: .*again"):
+        read(stage)
+
+
 def test_broken_files_and_wrong_options_are_said(tmp_path):
     (tmp_path / "b.usda").write_text("#usda 1.0\ndef Mesh {")
-    with pytest.raises(SceneError, match=r"b\.usda: not a readable USD file"):
+    with pytest.raises(SceneError, match=r"b\.usda: not a readable USD file") as caught:
         load(tmp_path / "b.usda")
+    assert "Error in" not in str(caught.value)  # what USD says, without where in USD
+    assert "b.usda:2" in str(caught.value)
     with pytest.raises(UsageError, match="a USD file has one animation"):
         load(tmp_path / "b.usda", clip="Walk")

@@ -74,10 +74,14 @@ LIGHTS = (
     Light("ambient", color=(0.2, 0.4, 0.1), intensity=0.5),
     Light("directional", color=(1, 0.5, 0.25), intensity=2.0, direction=(0.3, -1, 0.5)),
     Light("point", color=(0.5, 1, 0.7), intensity=3.0, position=(0.4, 1.3, -0.2)),
-)
+    Light(
+        "spot", color=(0.5, 0.8, 0.9), intensity=4.0, position=(-0.4, 1.2, 0.3),
+        direction=(0.1, -1, 0.2), inner_angle=10.0, outer_angle=50.0,
+    ),
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("lights", [LIGHTS[:1], LIGHTS[1:2], LIGHTS[2:], LIGHTS, ()])
+@pytest.mark.parametrize("lights", [*((light,) for light in LIGHTS), LIGHTS, ()])
 @pytest.mark.parametrize("shininess", [1.0, 7.5, 200.0])
 def test_reflected_light_is_phongs_sum_over_the_lights(shininess, lights):
     rng = np.random.default_rng(2)
@@ -91,7 +95,9 @@ def test_reflected_light_is_phongs_sum_over_the_lights(shininess, lights):
         tables.lights if lights else np.zeros(1, tables.lights.dtype), np.uint32(len(lights)),
         np.zeros((len(given), 3), np.float32),
     ]  # fmt: skip
-    defines = ["-DPOINT_LIGHTS"] * any(light.kind == "point" for light in lights)
+    kinds = {light.kind for light in lights}
+    defines = ["-DPOINT_LIGHTS"] * bool(kinds & {"point", "spot"})
+    defines += ["-DSPOT_LIGHTS"] * ("spot" in kinds)
     found = run("shading.cl", "reflections", arrays, defines)[-1]
     color, position, normal, view = given.astype(np.float64).swapaxes(0, 1)
     parts = [twin.phong(material, color, position, normal, view, light) for light in lights]

@@ -6,7 +6,7 @@ the same effects, are shown to each method.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from test_stochastic_twin import with_lens
 
 import mbinterval as mb
 from mbinterval.scene.load import load_file
-from mbinterval.scene.model import Material, Mesh, Scene
+from mbinterval.scene.model import Light, Material, Mesh, Scene
 from mbinterval.settings import CULLS
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
@@ -104,6 +104,8 @@ SHOWN: dict[str, tuple[Callable[[], Scene], dict[str, object]]] = {
 }  # fmt: skip
 """Hard cases, random scenes and those that are shipped: how to make them, and how to show them."""
 
+THROUGH_LENS = [f"random {seed}" for seed in range(30) if seed // 3 % 2]
+
 
 @cache
 def shown(name: str) -> Scene:
@@ -115,9 +117,11 @@ def boxed(name: str, pattern: str) -> mb.Film:
     return film(shown(name), "bbox", pattern=pattern, **SHOWN[name][1])
 
 
-def differing(cull: str, pattern: str, **values: object) -> Iterator[str]:
-    for name, (_, how) in SHOWN.items():
-        found = film(shown(name), cull, pattern=pattern, **how, **values)
+def differing(
+    cull: str, pattern: str, names: Iterable[str] = SHOWN, **values: object
+) -> Iterator[str]:
+    for name in names:
+        found = film(shown(name), cull, pattern=pattern, **SHOWN[name][1], **values)
         if not same(found, boxed(name, pattern)):
             yield name
 
@@ -137,6 +141,11 @@ def test_hard_cases_random_scenes_and_those_that_are_shipped(cull):
 @pytest.mark.parametrize("cull", ["interleave_uvt", "best"])
 def test_interleaved_samples(cull):
     assert list(differing(cull, "interleave_uvt")) == []
+
+
+@pytest.mark.parametrize("cull", [cull for cull in EXACT if cull != "best"])
+def test_interleaved_samples_through_a_lens(cull):
+    assert list(differing(cull, "interleave_uvt", THROUGH_LENS)) == []
 
 
 def test_bounds_that_lose_hits_are_found_out():
@@ -166,15 +175,13 @@ def test_wide_filters_motion_segments_rolling_lines_and_frameless_rendering():
 
 
 @pytest.mark.parametrize(
-    ("cull", "edge", "lens"),
-    [("dual_space", 2, True), ("clip_space", 4, True), ("pixar", 4, False), ("hull", 2, False)],
-)
-def test_bounds_of_tiles_of_pixels(cull, edge, lens):
-    for seed in range(30):
-        if seed // 3 % 2 != lens:
-            continue
-        found = film(random_scene(seed), cull, cull_tile=edge, seed=seed)
-        assert same(found, boxed(f"random {seed}", "sobol"))
+    ("cull", "edge"),
+    [*(("dual_space", 2), ("dual_space", 5), ("clip_space", 2), ("clip_space", 4)),
+     *(("pixar", 4), ("hull", 16))],
+)  # fmt: skip
+def test_bounds_of_tiles_of_pixels(cull, edge):
+    names = [f"random {seed}" for seed in range(30)]
+    assert list(differing(cull, "sobol", names, cull_tile=edge)) == []
 
 
 def test_edge_functions_over_time():
@@ -190,6 +197,19 @@ def test_shipped_scenes_with_their_light_and_textures(name):
     of = load_file(SCENES / f"{name}.toml").scene
     best, box = (film(of, cull, (96, 72), hybrid=True) for cull in ("best", "bbox"))
     assert same(best, box)
+
+
+@pytest.mark.parametrize("values", [{}, {"shading_rate": "pixel"}, {"hybrid": True}])
+def test_a_lamp_at_the_eye_and_triangles_around_it(values):
+    clay = Material("clay", specular=(0.3, 0.3, 0.3), shininess=12.0)
+    for seed in (0, 1, 2):
+        dark = random_scene(seed)
+        lit = [replace(m, material=clay, shading=None) for m in dark.meshes]
+        of = replace(dark, meshes=lit, lights=[Light("point", intensity=2.0)])
+        box = film(of, "bbox", **values)
+        assert same(film(of, "best", **values), box)
+        assert np.isfinite(box.rgba).all()
+        assert box.rgba[..., :3].std() > 0.01
 
 
 def growing() -> Scene:

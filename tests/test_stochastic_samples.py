@@ -91,11 +91,25 @@ def test_with_a_lens_sobol_samples_are_nets_in_time_and_on_the_lens():
     assert (of.u**2 + of.v**2).max() <= 1.0 + 1e-6
 
 
+def test_a_lens_of_four_blades_is_a_square():
+    of = with_lens(moving())
+    square = replace(of, camera=replace(of.camera, blades=4, blade_rotation=45.0))
+    points = drawn(square, samples=16)
+    half = np.sqrt(0.5)
+    for place in (points.u, points.v):
+        assert np.abs(place).max() <= half + 1e-6
+        counts = np.histogram(place, 8, (-half, half))[0]
+        assert counts == pytest.approx(place.size / 8, rel=0.03)
+    assert abs(np.corrcoef(points.u.ravel(), points.v.ravel())[0, 1]) < 0.02
+    assert np.abs(drawn(of, samples=16).u).max() > 0.99
+
+
 @pytest.mark.parametrize(
     ("pattern", "count"),
     [
-        *(("sobol", 1), ("sobol", 100), ("jittered", 5), ("jittered", 16)),
-        *(("fixed", 5), ("fixed", 100), ("interleave_uvt", 1), ("interleave_uvt", 5)),
+        *(("sobol", 1), ("sobol", 100), ("jittered", 1), ("jittered", 5), ("jittered", 16)),
+        *(("jittered", 100), ("fixed", 1), ("fixed", 5), ("fixed", 100)),
+        *(("interleave_uvt", 1), ("interleave_uvt", 5), ("interleave_uvt", 100)),
     ],
 )
 def test_times_are_stratified_in_each_pixel(pattern, count):
@@ -189,6 +203,63 @@ def test_slices_share_time_and_lens_over_the_frame():
     at = np.sort(jittered.t[:, 0, 0])[::4]
     assert np.array_equal(np.floor(at * 8), np.arange(8))
     assert np.abs(at * 8 % 1 - 0.5).max() > 0.05
+
+
+LINES = {"method": "accumulation", "slice_lens": "line"}
+
+
+@pytest.mark.parametrize("blades", [0, 6])
+@pytest.mark.parametrize("times", ["uniform", "stochastic"])
+def test_each_slice_looks_through_a_line_across_the_lens(blades, times):
+    of = with_lens(moving())
+    of = replace(of, camera=replace(of.camera, blades=blades))
+    found = drawn(of, slices=8, samples=4, slice_times=times, **LINES)
+    angle = np.mod(np.arctan2(found.v, found.u), np.pi)
+    lines = np.unique(np.round(angle[np.hypot(found.u, found.v) > 0.05], 3) % 3.141)
+    assert len(lines) == 8  # through the middle, the same in all pixels
+    if not blades:  # in eighths of all directions
+        assert np.sort(np.floor(lines / np.pi * 8)).tolist() == list(range(8))
+    nearest = np.abs(np.sin(angle[..., None] - lines)).argmin(axis=-1)
+    times_of = [found.t[nearest == k] for k in range(8)]
+    for at in times_of:  # a slice's part of the shutter
+        assert np.ptp(at) <= 1 / 8 if times == "stochastic" else np.unique(at).size == 1
+    # Each pixel has places of its own, half of them on each side of the middle.
+    for k in range(8):
+        along = found.u * np.cos(lines[k]) + found.v * np.sin(lines[k])
+        along = np.where(nearest == k, along, np.nan)
+        rank = np.sort(along.reshape(32, -1), axis=0)[:4]
+        assert ((rank > 0.0).sum(axis=0) == 2).mean() > 0.98
+        assert np.ptp(rank[0]) > 0.2
+    point = drawn(of, slices=8, samples=4, slice_times=times, method="accumulation")
+    angle = np.mod(np.arctan2(point.v, point.u), np.pi)
+    assert times == "stochastic" or len(np.unique(np.hypot(point.u, point.v))) == 8
+    assert times == "uniform" or len(np.unique(np.round(angle, 3))) > 1000
+
+
+@pytest.mark.parametrize("blades", [0, 3, 5, 6])
+def test_lines_together_cover_the_lens_evenly(blades):
+    """As evenly as a finite number of lines can: a sector may have a 64th more than its part."""
+    of = with_lens(moving())
+    of = replace(of, camera=replace(of.camera, blades=blades, blade_rotation=10.0))
+    parts = [drawn(of, slices=64, samples=4, seed=seed, **LINES) for seed in range(4)]
+    uv = np.concatenate([np.stack([p.u, p.v], -1).reshape(-1, 2) for p in parts])
+    if blades == 0:
+        outer, second = np.hypot(*uv.T), 0.5
+        assert np.histogram(np.arctan2(*uv.T), 8)[0] / len(uv) == pytest.approx(
+            np.full(8, 1 / 8), abs=0.004
+        )
+    else:
+        step = 2 * np.pi / blades
+        normals = np.radians(10.0) + step * (np.arange(blades) + 0.5)
+        outward = uv @ np.stack([np.cos(normals), np.sin(normals)]) / np.cos(np.pi / blades)
+        outer, second = outward.max(axis=1), (2 + np.cos(step)) / 6
+        sectors = np.bincount(np.argmax(outward, axis=1)) / len(uv)
+        assert sectors == pytest.approx(np.full(blades, 1 / blades), abs=1 / 128)
+    assert outer.max() <= 1 + 1e-6
+    for part in (0.25, 0.5, 0.75):
+        assert np.mean(outer < part) == pytest.approx(part**2, abs=0.004)
+    assert uv.mean(axis=0) == pytest.approx([0, 0], abs=0.004)
+    assert (uv**2).sum(axis=1).mean() == pytest.approx(second, rel=0.005)
 
 
 def test_frameless_pixels_see_their_own_part_of_the_shutter():

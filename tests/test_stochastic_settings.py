@@ -25,7 +25,7 @@ WRONG = [
     ({"method": "stochastic", "pattern": "rgss", "filter": "gaussian"}, "a filter of its own"),
     ({"method": "stochastic", "cull": "interleave_uvt"}, "it is for pattern='interleave_uvt'"),
     ({"method": "stochastic", "cull_tile": 2}, "tiles of its own"),
-    ({"method": "stochastic", "cull": "hull", "cull_tile": 3}, "1, 2"),
+    ({"method": "stochastic", "cull": "hull", "cull_tile": 17}, "16"),
     ({"method": "stochastic", "hybrid": True, "shading_rate": "pixel"}, "nothing is left to it"),
     ({"method": "stochastic", "frameless": 65}, "64"),
     ({"method": "accumulation", "frameless": 4}, "it is for method='stochastic'"),
@@ -33,6 +33,8 @@ WRONG = [
     ({"method": "accumulation", "slices": 4096, "samples": 64}, "at most 65536"),
     ({"samples": 300}, "that has 1 to 256"),
     ({"method": "stochastic", "filter": "five_point", "samples": 1}, "for method='analytic'"),
+    ({"method": "stochastic", "slice_lens": "line"}, "it is for method='accumulation'"),
+    ({"slice_lens": "line"}, "it is for method='accumulation'"),
     ({"method": "accumulation", "slice_times": "now"}, "'uniform', 'jittered', 'stochastic'"),
 ]
 

@@ -58,9 +58,11 @@ def test_every_hard_case_is_the_twins(name, lens):
     ("pattern", "samples", "lens"),
     [
         *(("sobol", 1, True), ("sobol", 7, False), ("sobol", 100, True)),
-        *(("jittered", 3, False), ("jittered", 64, True)),
-        *(("random", 7, True), ("random", 100, False)),
-        *(("fixed", 3, True), ("fixed", 64, False)),
+        *(("jittered", 1, True), ("jittered", 3, False), ("jittered", 7, True)),
+        *(("jittered", 64, True), ("jittered", 100, False)),
+        *(("random", 1, False), ("random", 7, True), ("random", 100, False)),
+        *(("fixed", 1, False), ("fixed", 3, True), ("fixed", 64, False), ("fixed", 100, True)),
+        *(("interleave_uvt", 1, True), ("interleave_uvt", 7, False), ("interleave_uvt", 100, True)),
     ],
 )
 def test_every_pattern_and_count(pattern, samples, lens):

@@ -320,6 +320,7 @@ def test_every_knob_of_accuracy_is_swept_over_four_values_or_all_there_are():
         "shading_rate": {"sample", "pixel"},
         "hybrid": {False, True},
         "slice_times": {"uniform", "jittered", "stochastic"},
+        "slice_lens": {"point", "line"},
     }.items():
         assert found(name) == choices
 

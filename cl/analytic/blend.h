@@ -23,6 +23,29 @@ static inline uint stack_size(global const Span *spans, uint count)
     return size;
 }
 
+// What each layer of a stack adds, for stage "record": in scratch that nothing else needs by now.
+static inline void clear_added(const Tile *tile, uint count)
+{
+#ifdef RECORDED
+    for (uint k = 0; k < count; k++) vstore4((float4)(0.0f), k, tile->ordering);
+#endif
+}
+
+static inline void keep_added(const Tile *tile, uint layer, float4 color)
+{
+#ifdef RECORDED
+    vstore4(vload4(layer, tile->ordering) + color, layer, tile->ordering);
+#endif
+}
+
+static inline void scale_added(const Tile *tile, uint count, float by)
+{
+#ifdef RECORDED
+    for (uint k = 0; k < count; k++)
+        vstore4(by * vload4(k, tile->ordering), k, tile->ordering);
+#endif
+}
+
 static inline float alpha_of(const Tile *tile, Span span)
 {
     return tile->scene.paths[span.source].alpha;
@@ -50,7 +73,7 @@ static bool layer_colors(const Tile *tile, int sample, Span span, Place place, f
     Shaded s = load_shaded(tile, span.source);
     const float *base = s.path.color;
     float4 flat = (float4)(base[0], base[1], base[2], s.path.alpha);
-#ifdef STATIC
+#ifdef STILL
     if (span.source < tile->static_paths) flat = tile->still[sample];
     else
 #endif
@@ -67,10 +90,11 @@ static bool layer_colors(const Tile *tile, int sample, Span span, Place place, f
 }
 
 // What the layers add at the places at hand of a stack's time, whose light is given: sums over the
-// places. False where that would not be exact enough.
+// places, of each layer for stage "record" if they are to be kept. False where that would not be
+// exact enough.
 static bool blend_places(const Tile *tile, int sample, global const Span *spans, uint count,
                          Span stretch, Place place, float2 window, Instants places, Lanes light,
-                         Blended *sum)
+                         bool keep, Blended *sum)
 {
     Lanes rest = 1.0f;
     const float given = lanes_sum(light);
@@ -83,12 +107,14 @@ static bool blend_places(const Tile *tile, int sample, global const Span *spans,
         Colors here;
         if (!layer_colors(tile, sample, span, place, window, places, &here)) return false;
         Lanes part = rest * here.alpha;
-        all.x += part * here.x, all.y += part * here.y, all.z += part * here.z, all.alpha += part;
+        Colors added = {part * here.x, part * here.y, part * here.z, part};
+        all.x += added.x, all.y += added.y, all.z += added.z, all.alpha += part;
+        if (keep) keep_added(tile, i, weighted_sum(&added, light));
         sum->depth += lanes_sum(light * part) * middle_depth(tile, span, place);
         rest -= part;
         left = lanes_sum(light * rest);
     }
-    sum->color = weighted_sum(&all, light), sum->color.w = lanes_sum(light * all.alpha);
+    sum->color = weighted_sum(&all, light);
     return is_smooth(&all, places);
 }
 
@@ -104,14 +130,19 @@ static Blended blend_over_time(const Tile *tile, int sample, global const Span *
         Blended part;
         Lanes light = part_light(tile, window, stretch, places);
         if (!blend_places(tile, sample, spans, count, stretch, place, window, places, light,
-                          &part)) {
+                          false, &part)) {
             refine(&places);
             continue;
         }
+#ifdef RECORDED
+        blend_places(tile, sample, spans, count, stretch, place, window, places, light, true,
+                     &part);
+#endif
         sum.color += part.color, sum.depth += part.depth, total += lanes_sum(light);
         more = next_places(&places);
     }
     if (total > 0.0f) sum.color /= total, sum.depth /= total;
+    if (total > 0.0f) scale_added(tile, count, 1.0f / total);
     return sum;
 }
 
@@ -121,6 +152,7 @@ static Blended blend_over_time(const Tile *tile, int sample, global const Span *
 static Blended blend_stack(const Tile *tile, int sample, global const Span *spans, uint count,
                            float2 times, Place place, float2 window)
 {
+    clear_added(tile, count);
 #ifdef ALPHA_VARIES
     if (alpha_varies(tile, spans, count))
         return blend_over_time(tile, sample, spans, count, times, place, window);
@@ -133,6 +165,7 @@ static Blended blend_stack(const Tile *tile, int sample, global const Span *span
         float alpha = alpha_of(tile, span);
         float3 color = span_color(tile, sample, span, place, window);
         sum.color += rest * alpha * (float4)(color, 1.0f);
+        keep_added(tile, i, rest * alpha * (float4)(color, 1.0f));
         sum.depth += rest * alpha * middle_depth(tile, span, place);
         rest *= 1.0f - alpha;
     }

@@ -4,14 +4,13 @@
 // The samples of a pixel are Hammersley's points under Owen's nested scrambling (Owen 1995), in
 // four dimensions: y, x, and the two of the lens. Sample l of N lies in row l, so the samples of a
 // layer have nearly the same height in every pixel and rows can be walked; the other three are the
-// Sobol sequence (Joe & Kuo 2008) at the row's index. Of N = 2^k samples each row and each column
-// of an N x N grid holds one, and other pairs of dimensions are nearly as well spread. The fixed
-// pattern takes its lens from the same sequence, in Morton's order of its samples (Ahmed & Wonka
-// 2020). The square of the lens is mapped to a disc (Shirley & Chiu 1997) or to a polygon of
-// blades.
+// Sobol sequence at the row's index. Of N = 2^k samples each row and each column of an N x N grid
+// holds one, and other pairs of dimensions are nearly as well spread. The fixed pattern takes its
+// lens from the same sequence, in Morton's order of its samples (Ahmed & Wonka 2020). The square of
+// the lens is mapped to a disc (Shirley & Chiu 1997) or to a polygon of blades.
 #include "analytic/tile.h"
-#include "shared/bits.h"
 #include "shared/lens.h"
+#include "shared/sobol.h"
 
 // Owen's scrambling of the `count` highest bits: each bit is flipped by a random number that
 // depends on the bits above it. Lower bits become random. `back` undoes it.
@@ -25,27 +24,6 @@ static uint scramble_bits(uint x, int count, uint seed, bool back)
     }
     uint low = count == 0 ? ~0u : (1u << (32 - count)) - 1u;
     return result | (mix_bits(seed ^ mix_bits(x >> (32 - max(count, 1)))) & low);
-}
-
-// The second and third dimensions of the Sobol sequence; bit-reversed numbers are the first.
-static uint sobol_second(uint index)
-{
-    uint result = 0u;
-    for (uint column = 1u << 31; index != 0u; index >>= 1, column ^= column >> 1)
-        if (index & 1u) result ^= column;
-    return result;
-}
-
-static uint sobol_third(uint index)
-{
-    uint result = 0u;
-    for (uint column = 1u << 31, next = 3u << 30; index != 0u; index >>= 1) {
-        if (index & 1u) result ^= column;
-        uint after = next ^ column ^ column >> 2;
-        column = next;
-        next = after;
-    }
-    return result;
 }
 
 #define INDEX_BITS (32 - (int)clz((uint)SAMPLES - 1u))
@@ -70,7 +48,7 @@ static uint index_of_row(uint l, uint seed)
 // Place of sample l in the unit square of a pixel with this seed.
 static float2 net_point(uint l, uint seed)
 {
-    float across = scrambled(reverse_bits(index_of_row(l, seed)), seed + 0x9e3779b9u);
+    float across = scrambled(sobol(index_of_row(l, seed), 1), seed + 0x9e3779b9u);
     float within = (mix_bits(seed ^ mix_bits(l + 0x85ebca6bu)) >> 8) * 0x1p-24f;
     return (float2)(across, (l + within) * (1.0f / SAMPLES));
 }
@@ -80,8 +58,8 @@ static float2 net_point(uint l, uint seed)
 static float2 lens_point(uint l, uint seed)
 {
     uint index = index_of_row(l, seed);
-    float2 square = (float2)(scrambled(sobol_second(index), seed ^ 0x02e5be93u),
-        scrambled(sobol_third(index), seed ^ 0x68bc21ebu));
+    float2 square = (float2)(scrambled(sobol(index, 2), seed ^ 0x02e5be93u),
+        scrambled(sobol(index, 3), seed ^ 0x68bc21ebu));
 #ifdef BLADES
     return square_to_polygon(square);
 #else

@@ -9,14 +9,21 @@
 #include "analytic/varying_surface.h"
 #endif
 #include "analytic/surface_color.h"
+#ifdef SHADOWS
+#include "analytic/shadow.h"
+#endif
 
 #if defined(LIT) || defined(TEXTURED) || defined(VERTEX_COLOR)
 #define VARYING
 #endif
 
+#if defined(STATIC) && !defined(SHADOWS)
+#define STILL // what does not move has one colour whenever it is seen
+#endif
+
 #ifdef VARYING
 #include "analytic/quadrature.h"
-#ifdef STATIC
+#ifdef STILL
 #include "analytic/still.h"
 #endif
 
@@ -115,6 +122,9 @@ static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Sp
     w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
     across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
 #endif
+#ifdef SHADOWS
+    light_along(tile, s->window, span, places, a.lit);
+#endif
     *colors = surface_color(tile, s, &a, level, places.count, t, w, across, down);
     return true;
 }
@@ -122,7 +132,12 @@ static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Sp
 static inline float4 weighted_sum(const Colors *colors, Lanes light)
 {
     return (float4)(lanes_sum(light * colors->x), lanes_sum(light * colors->y),
-                    lanes_sum(light * colors->z), 0.0f);
+                    lanes_sum(light * colors->z),
+#ifdef ALPHA_VARIES
+                    lanes_sum(light * colors->alpha));
+#else
+                    0.0f);
+#endif
 }
 
 // Average colour of the span.
@@ -130,6 +145,9 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 {
     Varying v = prepare_varying(tile, s, span);
     Instants places = first_places(span);
+#ifdef SHADOWS
+    if (s->path.step == 0) places = (Instants){0, 1, 1}; // only its light changes
+#endif
     float level = span_level(tile, s, &v, span, places.n);
     float4 sum = 0.0f;
     float total = 0.0f;
@@ -152,7 +170,7 @@ static float3 span_color(const Tile *tile, int sample, Span span, Place place, f
 {
     uint path = span_path(tile, span);
 #ifdef VARYING
-#ifdef STATIC
+#ifdef STILL
     if (path < tile->static_paths) return tile->still[sample].xyz;
 #endif
     Shaded s = load_shaded(tile, path);
@@ -239,7 +257,7 @@ static void shade_sample(Tile *tile, int row, int column)
 #ifdef AOV_OPERATIONS
     tile->operations[pixel] += tile->tested[sample];
 #endif
-#ifdef MOVING
+#if defined(MOVING) || defined(SHADOWS)
     Run run = tile->span_runs[sample];
     add_spans(tile, sample, pixel, tile->spans + run.start, run.count);
 #ifdef AOV_SHARP
@@ -263,7 +281,7 @@ static void shade_sample(Tile *tile, int row, int column)
 // Add every span of the piece to its pixel, sample by sample. Always true.
 static bool shade(Tile *tile)
 {
-#if defined(VARYING) && defined(STATIC)
+#if defined(VARYING) && defined(STILL)
     shade_all_still(tile);
 #endif
     for (int row = tile->row_low; row < tile->row_high; row++) {

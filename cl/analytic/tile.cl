@@ -2,14 +2,15 @@
 // runs the stages on them in order; its scratch memory stays in cache and is bounded.
 //
 //     triangulated: place -> nearest -> rasterize -> intervals -> sort -> occlude
-//                   -> shade -> moment -> resolve
-//     exact:        place -> nearest -> solve -> envelope -> shade -> moment -> resolve,
-//                   with mask or stack for envelope
+//                   -> shade -> record -> moment -> resolve
+//     exact:        place -> nearest -> solve -> envelope -> shade -> record -> moment -> resolve,
+//                   with mask or stack for envelope, and shadow before shade
 //
 // Stages between nearest and shade exist only where something moves, place only where samples lie
-// differently in every pixel, moment only where its layers are asked for. Nothing is lost when a
-// pool is full: the piece of the tile at hand is done again in halves. Only when a single row of
-// samples does not fit is the tile given back to the host, which has larger pools.
+// differently in every pixel, record and moment only where what they find is asked for. Nothing is
+// lost when a pool is full: the piece of the tile at hand is done again in halves. Only when a
+// single row of samples does not fit is the tile given back to the host, which has larger pools, or
+// when there is no room for its events, which the host has emptied the pool for next time.
 #include "analytic/tile.h"
 #ifdef PLACED
 #include "analytic/place.cl"
@@ -32,15 +33,24 @@
 #include "analytic/sort.cl"
 #include "analytic/occlude.cl"
 #endif
+#ifdef SHADOWS
+#include "analytic/shadow.cl"
+#endif
 #include "analytic/shade.cl"
+#ifdef RECORDED
+#include "analytic/record.cl"
+#endif
 #ifdef MOMENTARY
 #include "analytic/moment.cl"
 #endif
 #include "analytic/resolve.cl"
 
+// What became of a tile.
+enum { DONE, POOLS_FULL, EVENTS_FULL };
+
 // What a work-item counts: ticks of each stage, and pairs that were tested and hit.
-enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, STACK, SHADE,
-       MOMENT, RESOLVE, TESTS, HITS,
+enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, STACK, SHADOW,
+       SHADE, RECORD, MOMENT, RESOLVE, TESTS, HITS,
        COUNTERS };
 
 #ifdef CLANG_BUILTINS
@@ -59,7 +69,7 @@ static inline bool clocked(bool done, int stage, global ulong *ticks, ulong *clo
 }
 
 // The stages up to shading on one piece. False, and nothing added to pixels, when a pool is full.
-static bool render_piece(Tile *tile, global ulong *ticks)
+static bool render_piece(Tile *tile, Frame frame, global ulong *ticks)
 {
     ulong clock = TICKS();
 #ifdef AOV_OPERATIONS
@@ -83,13 +93,26 @@ static bool render_piece(Tile *tile, global ulong *ticks)
     if (!clocked(sort(tile), SORT, ticks, &clock)) return false;
     if (!clocked(occlude(tile), OCCLUDE, ticks, &clock)) return false;
 #endif
-    return clocked(shade(tile), SHADE, ticks, &clock);
+#ifdef SHADOWS
+    if (!clocked(shadow(tile), SHADOW, ticks, &clock)) return false;
+#endif
+    clocked(shade(tile), SHADE, ticks, &clock);
+#ifdef RECORDED
+    clocked(record(tile, frame), RECORD, ticks, &clock);
+#endif
+    return true;
 }
 
 // Records of the fullest of the pools that grow with a piece.
 static inline uint fullest_pool(const Tile *tile)
 {
-#if !defined(MOVING)
+#if defined(SHADOWS)
+    uint most = max(tile->span_count, tile->shadows.step_count);
+#ifdef MOVING
+    most = max(most, tile->visit_count);
+#endif
+    return most;
+#elif !defined(MOVING)
     return 0u;
 #elif defined(EXACT)
     return max(tile->visit_count, tile->span_count);
@@ -101,11 +124,11 @@ static inline uint fullest_pool(const Tile *tile)
 
 // All rows of the tile's current layers, in pieces that fit. What fitted last is tried first, more
 // where there was room. False when a single row does not fit.
-static bool render_layers(Tile *tile, int rows, global ulong *ticks)
+static bool render_layers(Tile *tile, int rows, Frame frame, global ulong *ticks)
 {
     for (tile->row_low = 0; tile->row_low < rows; tile->row_low = tile->row_high) {
         tile->row_high = min(tile->row_low + tile->piece_rows, rows);
-        while (!render_piece(tile, ticks)) {
+        while (!render_piece(tile, frame, ticks)) {
             tile->piece_rows = (tile->row_high - tile->row_low) / 2;
             if (tile->piece_rows == 0) {
                 tile->piece_rows = 1;
@@ -119,7 +142,7 @@ static bool render_layers(Tile *tile, int rows, global ulong *ticks)
     return true;
 }
 
-static bool render_tile(Tile *tile, global ulong *ticks)
+static bool render_tile(Tile *tile, Frame frame, global ulong *ticks)
 {
     for (int i = 0; i < TILE * TILE; i++) {
         tile->color[i] = 0.0f;
@@ -139,7 +162,7 @@ static bool render_tile(Tile *tile, global ulong *ticks)
         place(tile, rows);
         clocked(true, PLACE, ticks, &clock);
 #endif
-        if (!render_layers(tile, rows, ticks)) return false;
+        if (!render_layers(tile, rows, frame, ticks)) return false;
     }
     return true;
 }
@@ -194,7 +217,17 @@ kernel void tile(
     global Fragment *fragments, global Interval *interval_pool, global float *sorting,
     global Interval *sorted,
 #endif
-    global Span *spans, TileGrid grid, Frame frame)
+#ifdef SHADOWS
+    global const Vertex *world, global const ShadowLight *shadow_lights,
+    global const LightView *light_views, global const uint *light_starts,
+    global const uint *light_members, global const Outline *outlines, global uint *stamps,
+    uint path_count, global Step *steps,
+#endif
+    global Span *spans,
+#ifdef RECORDED
+    global Event *events, global uint *event_count, global uint *event_end, uint event_capacity,
+#endif
+    TileGrid grid, Frame frame)
 {
     uint worker = get_global_id(0);
     size_t pool = (size_t)worker * grid.capacity;
@@ -260,6 +293,15 @@ kernel void tile(
 #ifdef EXACT
     tile.depths = depths;
 #endif
+#ifdef RECORDED
+    tile.events = events, tile.event_capacity = event_capacity;
+    tile.event_count = event_count, tile.event_end = event_end;
+#endif
+#ifdef SHADOWS
+    Shadows shadows = {world, shadow_lights, light_views, light_starts, light_members, outlines,
+                       stamps + (size_t)worker * path_count, 0u, steps + pool, 0u};
+    tile.shadows = shadows;
+#endif
     tile.scene = scene;
     counters += worker * COUNTERS;
 
@@ -274,8 +316,14 @@ kernel void tile(
         tile.members = members + starts[index];
         tile.member_count = starts[index + 1] - starts[index];
         tile.static_count = count_static(&tile);
-        bool done = render_tile(&tile, counters);
-        failed[index] = !done;
+#ifdef RECORDED
+        tile.events_full = false;
+#endif
+        bool done = render_tile(&tile, frame, counters);
+        failed[index] = done ? DONE : POOLS_FULL;
+#ifdef RECORDED
+        if (done && tile.events_full) failed[index] = EVENTS_FULL, done = false;
+#endif
         if (!done) continue;
         ulong clock = TICKS();
 #ifdef MOMENTARY

@@ -8,11 +8,13 @@
 // The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
 // time), MASK_BITS, TEXTURE_SAMPLES or SHADING_ERROR, ANISOTROPY, SAMPLE_SPACING (in pixels), and
 // a macro for each effect that the scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG,
-// METALLIC, EMISSION, POINT_LIGHTS, TEXTURED, VERTEX_COLOR, BACKGROUND_IMAGE, TRANSPARENT,
-// PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie differently in every pixel),
-// SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE (its number of
-// keys), ROLLING, ROLLING_COLUMNS, TRANSLUCENT (what is seen through), ALPHA_VARIES (over a
-// surface), VERTEX_ALPHA; AOV_TIME and the layers of aov.h.
+// METALLIC, EMISSION, POINT_LIGHTS, SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, BACKGROUND_IMAGE,
+// TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie differently in every
+// pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE (its
+// number of keys), ROLLING, ROLLING_COLUMNS, TRANSLUCENT (what is seen through), ALPHA_VARIES (over
+// a surface), VERTEX_ALPHA, SHADOWS (how many lights cast them); AOV_TIME and the layers of aov.h;
+// RECORDED (spans for the host), RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the
+// shutter that have a colour of their own).
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
@@ -37,8 +39,27 @@
 #define PIXEL_VECTORS 2
 #endif
 
+#ifdef SHADOWS
+// What the lights see, and the light that reaches spans.
+typedef struct {
+    global const Vertex *world; // vertices in the world's directions, relative to the first eye
+    global const ShadowLight *lights;
+    global const LightView *views;
+    global const uint *starts;  // first of the members of each tile of each view
+    global const uint *members; // paths that may lie in a tile, from near to far
+    global const Outline *outlines; // of each path in each view
+    global uint *stamps;        // of each path: for which list it was dealt with last
+    uint stamp;
+    global Step *steps;         // pool
+    uint step_count;
+} Shadows;
+#endif
+
 typedef struct {
     Scene scene;
+#ifdef SHADOWS
+    Shadows shadows;
+#endif
     global const Shape *shapes;  // of the paths
     global const Depth *depths;  // likewise; exact paths only
     uint static_paths;           // the first paths, opaque, which do not move
@@ -93,6 +114,13 @@ typedef struct {
 #ifdef AOV_OPERATIONS
     global uint *tested;         // paths that each sample was tested against
     global uint *operations;     // per pixel
+#endif
+#ifdef RECORDED
+    global Event *events;        // pool of all work-items
+    global uint *event_count;    // that room was asked for so far
+    global uint *event_end;      // of those that found room
+    uint event_capacity;
+    bool events_full;            // some of the tile's found no room
 #endif
 } Tile;
 

@@ -42,6 +42,9 @@ typedef struct {
 #ifdef ANISOTROPY
     Footprint footprint;
 #endif
+#ifdef SHADOWS
+    Lanes lit[SHADOWS]; // shares of the light of those that cast shadows
+#endif
 } Attributes;
 
 static inline uint corner_vertex(Path path, int corner)
@@ -282,8 +285,11 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
     position = lanes_added(position, tau, s->eye[1] - s->eye[0]);
 #ifdef VIEW_VARIES
     global const double *m = segment_camera(scene, s, 0)->inverse;
+    global const double *n = segment_camera(scene, s, 1)->inverse;
     ray = lanes_added(ray, across, (float3)(m[0], m[3], m[6]));
     ray = lanes_added(ray, down, (float3)(m[1], m[4], m[7]));
+    ray = lanes_added(ray, tau * across, (float3)(n[0] - m[0], n[3] - m[3], n[6] - m[6]));
+    ray = lanes_added(ray, tau * down, (float3)(n[1] - m[1], n[4] - m[4], n[7] - m[7]));
 #endif
     position.x += w * ray.x, position.y += w * ray.y, position.z += w * ray.z;
     Lanes3 view = lanes_unit(lanes_scaled(ray, -1.0f)), normal = lanes_unit(a->normal);
@@ -296,6 +302,9 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
     const Gloss *gloss = 0;
 #endif
     return reflected(&s->material, gloss, color, position, normal, view, scene->lights,
+#ifdef SHADOWS
+                     a->lit,
+#endif
                      scene->light_count);
 }
 #endif

@@ -105,12 +105,16 @@ typedef struct {
     uint kind;       // LIGHT_*
     float vector[3]; // direction towards the light, normalized, or its position, relative to the
                      // eye at the shutter's opening
-    uint unused;
+    uint shadow;     // its place among the lights that cast shadows, or NONE
+    float axis[3];   // from what a spot light shines on back to it, normalized
+    float cone[2];   // it fades with the square of cosine * cone[0] + cone[1], clamped to [0, 1]
+    uint unused[3];
 } Light;
 
 #define LIGHT_AMBIENT 0u
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_POINT 2u
+#define LIGHT_SPOT 3u
 
 // What a path's shape says about all samples. Computed by paths.cl once a frame.
 // A sample (X, Y) can only be covered where a[i] X + b[i] Y + c[i] >= 0 for all i < planes.
@@ -193,7 +197,69 @@ typedef struct {
     float t0, t1;
     float weight; // of the shutter
     uint source;  // exact paths: the path; triangulated ones: index into the pool `sorted`
+#ifdef SHADOWS
+    uint steps;   // first of its steps in their pool
+#endif
 } Span;
+
+// A visible span as the host gets it, with what it adds to its pixel.
+typedef struct {
+    uint pixel;     // of the region, row by row
+    uint sample;    // of the pixel, with EVENT_*
+    uint path;
+    float t0, t1;   // in the exposure of the pixel's line
+    float weight;   // share of the pixel's light, by filter and shutter
+    float share;    // of the sample in its pixel
+    float z0, z1;   // depth at t0 and at t1
+    float color[4]; // average of what it adds: premultiplied with alpha, which is last
+} Event;
+
+#define EVENT_WHOLE 0x80000000u // events of its parts follow
+#define EVENT_PART 0x40000000u
+// From `t` on the share `passed` of a light reaches a span, up to the next step.
+typedef struct {
+    float t, passed;
+} Step;
+
+// A light that casts shadows. Places are relative to the eye at the shutter's opening.
+typedef struct {
+    double vector[3]; // direction towards it, normalized; nothing where it is at a finite place
+    double origin[3]; // its place, or any place where it is infinitely far
+    uint finite;
+    uint view, views; // first of its views, and how many
+    uint unused;
+} ShadowLight;
+
+// How a light sees the scene: a face of a point light's cube, a spot light's cone, all that a
+// directional light shines on. Its size x size tiles cover x, y in [0, size]; (x w, y w, w) and the
+// depth of a point are matrix (point - eye, 1), row by row.
+typedef struct {
+    double matrix[16];
+    uint size;
+    uint starts; // place of its first tile in the list of where tiles' paths start
+    uint paths;  // place of its first path in the list of outlines
+    float texel; // width of a tile at depth 1, or, in parallel, at any depth
+} LightView;
+
+// What a view sees of a path: its least depth, and planes; it lies where, for all i,
+// a[i] x + b[i] y + c[i] >= 0, x and y in tiles.
+typedef struct {
+    float a[MAX_PLANES], b[MAX_PLANES], c[MAX_PLANES];
+    float near, unused[7]; // to two cache lines
+} Outline;
+
+// Rays of a view: the one through x, y starts at from[0..2] + x from[3..5] + y from[6..8], goes
+// along what `way` says likewise, and is at depth `depth` + s after s times that.
+typedef struct {
+    double from[9], way[9];
+    double depth;
+} ViewRays;
+
+// A box in which paths are from `open` to `close` of the shutter.
+typedef struct {
+    float low[3], high[3];
+    float open, close;
+} TreeNode;
 
 // A run of records that belongs to one sample.
 typedef struct {

@@ -300,6 +300,9 @@ static Lanes3 facets_reflect(const Facets *f, Lanes3 normal, Lanes3 view, Lanes3
 // a light of colour 1 has colour 1.
 static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 color,
                         Lanes3 position, Lanes3 normal, Lanes3 view, global const Light *lights,
+#ifdef SHADOWS
+                        const Lanes *lit,
+#endif
                         uint light_count)
 {
 #ifdef METALLIC
@@ -329,11 +332,22 @@ static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 col
         Lanes3 towards = {light.vector[0], light.vector[1], light.vector[2]};
         Lanes strength = 1.0f;
 #ifdef POINT_LIGHTS
-        if (light.kind == LIGHT_POINT) {
+        if (light.kind != LIGHT_DIRECTIONAL) {
             towards.x -= position.x, towards.y -= position.y, towards.z -= position.z;
             strength = 1.0f / lanes_max(lanes_dot(towards, towards), 1e-30f); // in it, too
             towards = lanes_scaled(towards, sqrt(strength));
         }
+#endif
+#ifdef SPOT_LIGHTS
+        if (light.kind == LIGHT_SPOT) {
+            Lanes3 axis = {light.axis[0], light.axis[1], light.axis[2]};
+            Lanes cone = light.cone[0] * lanes_dot(axis, towards) + light.cone[1];
+            cone = lanes_min(lanes_max(cone, (Lanes)(0.0f)), (Lanes)(1.0f));
+            strength *= cone * cone;
+        }
+#endif
+#ifdef SHADOWS
+        if (light.shadow != NONE) strength *= lit[light.shadow];
 #endif
         Lanes cosine = lanes_dot(normal, towards);
         cosine = cosine > 0.0f ? cosine : (Lanes)(0.0f);

@@ -5,7 +5,7 @@
 // where there is a lens, time and place where there is none. Other patterns draw each effect's
 // coordinates on their own.
 #include "stochastic/tile.h"
-#include "stochastic/sobol.h"
+#include "stochastic/scramble.h"
 #include "shared/lens.h"
 #include "shared/shutter.h"
 
@@ -71,13 +71,13 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.x = d.y = 0.0f;
 #if defined(PATTERN_SOBOL)
 #ifdef LENS
-    d.u = scrambled(sobol_reversed(l, 1), seeds->u),
-    d.v = scrambled(sobol_reversed(l, 2), seeds->v);
-    d.x = scrambled(sobol_reversed(l, 3), seeds->x),
-    d.y = scrambled(sobol_reversed(l, 4), seeds->y);
+    d.u = scrambled(sobol(l, 1), seeds->u);
+    d.v = scrambled(sobol(l, 2), seeds->v);
+    d.x = scrambled(sobol(l, 3), seeds->x);
+    d.y = scrambled(sobol(l, 4), seeds->y);
 #else
-    d.x = scrambled(sobol_reversed(l, 1), seeds->x),
-    d.y = scrambled(sobol_reversed(l, 2), seeds->y);
+    d.x = scrambled(sobol(l, 1), seeds->x);
+    d.y = scrambled(sobol(l, 2), seeds->y);
 #endif
 #elif defined(PATTERN_RANDOM)
     d.t = hashed(l, seeds->t);
@@ -93,11 +93,11 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     for (int i = 0; i < LANES; i++)
         x[i] = tile->scene.slots[slot[i]].x_low, y[i] = tile->scene.slots[slot[i]].y_low;
     d.x = vload16(0, x), d.y = vload16(0, y);
-    d.u = scrambled(sobol_reversed(l, 1), seeds->u),
-    d.v = scrambled(sobol_reversed(l, 2), seeds->v);
+    d.u = scrambled(sobol(l, 1), seeds->u);
+    d.v = scrambled(sobol(l, 2), seeds->v);
 #elif defined(PATTERN_INTERLEAVE_UVT)
-    d.x = scrambled(sobol_reversed(l, 3), seeds->x),
-    d.y = scrambled(sobol_reversed(l, 4), seeds->y);
+    d.x = scrambled(sobol(l, 3), seeds->x);
+    d.y = scrambled(sobol(l, 4), seeds->y);
 #elif defined(PATTERN_SLICES)
     // All pixels alike: sample l belongs to one of SLICES times and points of the lens.
     const uint each = SAMPLES / SLICES, slice = l / each;
@@ -111,8 +111,8 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.t += 0.5f;
 #endif
     d.t *= 1.0f / SLICES;
-    d.u = scrambled(sobol_reversed(slice, 1), frame + 1u);
-    d.v = scrambled(sobol_reversed(slice, 2), frame * 5u);
+    d.u = scrambled(sobol(slice, 1), frame + 1u);
+    d.v = scrambled(sobol(slice, 2), frame * 5u);
 #endif
     return d;
 }
@@ -163,10 +163,22 @@ static void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixe
     for (int i = 0; i < LANES; i++) {
         t[i] = (index[i]
                 + (mix_bits(frame ^ index[i] * 0x9e3779b9u) >> 8) * 0x1p-24f) * (0.25f / SAMPLES);
-        u[i] = scrambled(sobol_reversed(index[i], 1), (uint16)(frame + 1u)).s0;
-        v[i] = scrambled(sobol_reversed(index[i], 2), (uint16)(mix_bits(frame + 2u))).s0;
+        u[i] = scrambled(sobol(index[i], 1), (uint16)(frame + 1u)).s0;
+        v[i] = scrambled(sobol(index[i], 2), (uint16)(mix_bits(frame + 2u))).s0;
     }
     d->t = vload16(0, t), d->u = vload16(0, u), d->v = vload16(0, v);
+}
+#endif
+
+#ifdef LENS_LINES
+// Akenine-Moeller et al. 2007, 4.2: all samples of a slice look through one line across the lens,
+// each at a place of its own, drawn in each pixel.
+static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
+{
+    const uint slice = l / (SAMPLES / SLICES);
+    uint16 frame = (uint16)(mix_bits(tile->scene.seed + 13u));
+    d->u = scrambled(sobol(slice, 1), frame + 1u);
+    d->v = scrambled(sobol(l, 2), seeds->v);
 }
 #endif
 
@@ -204,7 +216,9 @@ static Lanes times_of_light(const Tile *tile, int block, Lanes passed)
 #ifdef LENS
 static inline float2 lens_point(float u, float v)
 {
-#ifdef BLADES
+#if defined(LENS_LINES)
+    return square_to_lines((float2)(u, v));
+#elif defined(BLADES)
     return square_to_polygon((float2)(u, v));
 #else
     return square_to_disc((float2)(u, v));
@@ -221,6 +235,9 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
 #endif
 #ifdef PATTERN_INTERLEAVE_UVT
     draw_interleaved(tile, l, block_x(block), block_y(block), &d);
+#endif
+#ifdef LENS_LINES
+    draw_line(tile, l, seeds, &d);
 #endif
 #ifdef FRAMELESS
     // Every FRAMELESS-th pixel sees its part of the shutter only.

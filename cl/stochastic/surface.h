@@ -7,6 +7,9 @@
 #ifdef COUNT_TEXELS
 #include "stochastic/texels.h"
 #endif
+#ifdef SHADOWS
+#include "stochastic/lights.h"
+#endif
 
 #if defined(LIT) || defined(TEXTURED) || defined(VERTEX_COLOR)
 #define VARYING
@@ -91,6 +94,9 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
     if (s->material.flags & MATERIAL_LIT) {
         Lanes across = samples->x, down = samples->y;
         w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
+#ifdef SHADOWS
+        light_at_samples(tile, surface->path, samples, a.lit);
+#endif
 #ifdef LENS
         across -= samples->u * a.circle / w, down -= samples->v * a.circle / w;
 #endif

@@ -83,7 +83,13 @@ kernel void tile(
     global const float *filter, global const ShutterKey *shutter, global const float *background,
     global const uint *starts, global const uint *members, global const uint *queue,
     global uint *next, global float *samples, global float4 *pixels, global ulong *counters,
-    global float4 *rgba, global float *depth, global uint *seen, TileGrid grid, Frame frame)
+    global float4 *rgba, global float *depth, global uint *seen,
+#ifdef SHADOWS
+    global const Vertex *world, global const ShadowLight *shadow_lights,
+    global const TreeNode *tree, global const uint *leaves, uint leaf_nodes,
+    global const LightView *light_views, global const float *shadow_map,
+#endif
+    TileGrid grid, Frame frame)
 {
     uint worker = get_global_id(0);
     global float *scratch = samples + (size_t)worker * SCRATCH * SLABS * SLAB;
@@ -99,6 +105,10 @@ kernel void tile(
             .roll_start = grid.roll_start, .roll_step = grid.roll_step,
             .roll_length = grid.roll_length
         },
+#ifdef SHADOWS
+        .occluders = {world, paths, tree, leaves, leaf_nodes},
+        .shadow_lights = shadow_lights, .light_views = light_views, .shadow_map = shadow_map,
+#endif
         .bounds = bounds,
         .reach_low = grid.reach_low, .reach_high = grid.reach_high,
         .xs = part[0], .ys = part[1], .ts = part[2], .zs = part[3],

@@ -8,15 +8,20 @@
 //
 // The plan defines: SAMPLES (per pixel), SLABS, the pattern (PATTERN_RANDOM ...), the test
 // (TEST_EDGES or none), the culling method (CULL_BBOX ...), and a macro for each effect that the
-// scene calls for: MOVING, LENS, SINGLE_SIDED, PHONG, METALLIC, EMISSION, POINT_LIGHTS, TEXTURED,
-// VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, BLADES, FILTER_TABLE, WEIGHTED,
-// SHUTTER_CURVE, ROLLING, ROLLING_COLUMNS, TRANSLUCENT, ALPHA_VARIES, VERTEX_ALPHA, STATISTICS.
+// scene calls for: MOVING, LENS, SINGLE_SIDED, PHONG, METALLIC, EMISSION, POINT_LIGHTS,
+// SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, BLADES,
+// FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING, ROLLING_COLUMNS, TRANSLUCENT, ALPHA_VARIES,
+// VERTEX_ALPHA, SHADOWS (how many lights cast them), with SHADOW_MAP (texels along an edge),
+// SHADOW_STRATA and SHADOW_BIAS if they are looked up, STATISTICS.
 #ifndef MB_STOCHASTIC_TILE_H
 #define MB_STOCHASTIC_TILE_H
 
 #include "shared/scene.h"
 #include "shared/lanes.h"
-#include "stochastic/sobol.h"
+#include "stochastic/scramble.h"
+#ifdef SHADOWS
+#include "stochastic/trace.h"
+#endif
 
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -55,6 +60,12 @@ typedef struct {
 
 typedef struct {
     Scene scene;
+#ifdef SHADOWS
+    Occluders occluders;
+    global const ShadowLight *shadow_lights;
+    global const LightView *light_views;
+    global const float *shadow_map; // texels, row by row, of each stratum of time of each view
+#endif
     global const Bounds *bounds; // of the paths
     int x, y;                    // first pixel of the tile in the frame
     int x_low, x_high;           // columns of the tile that are rendered, low <= x < high

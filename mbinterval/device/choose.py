@@ -13,6 +13,7 @@ from mbinterval.errors import DeviceError
 
 _POCL = "Portable Computing Language"
 _POCL_THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")  # before PoCL 5, and since
+_KERNEL_BYTES = 1 << 20  # of a program in PoCL's cache, more or less
 THREADS = "MBINTERVAL_THREADS"
 """Variable of the environment that limits the threads of CPU devices."""
 
@@ -95,6 +96,23 @@ def choose_device(wanted: Any = None) -> Any:
     names = ", ".join(f"{index}: {device.name.strip()}" for index, device in enumerate(found))
     are = "the only device is" if len(found) == 1 else "the devices are"
     raise DeviceError(f"no device is called {text!r}; {are} {names}")
+
+
+def choose_devices(wanted: str) -> tuple[Any, ...]:
+    """Return the devices that ``wanted`` names with commas between them; ``all`` usable ones.
+
+    Each is an index or a part of a name, as for `choose_device`; none is taken twice.
+
+    Raises
+    ------
+    DeviceError
+        As `choose_device`.
+    """
+    if wanted.strip().lower() == "all":
+        found = [choose_device(device.index) for device in devices() if device.usable]
+        return tuple(found) or (choose_device(),)
+    named = [choose_device(name.strip()) for name in wanted.split(",")]
+    return tuple({device.int_ptr: device for device in named}.values())
 
 
 def _all_devices() -> list[Any]:
@@ -185,6 +203,17 @@ def _why_none() -> str:
     return f"no OpenCL device was found{platforms}; install one with: pip install 'pyopencl[pocl]'"
 
 
+def cache_trouble(device: Any) -> str:
+    """Say what keeps PoCL from building kernels, if its cache does; else the empty text."""
+    cache = pocl_cache_folder()
+    if _POCL not in device.platform.name or _writable(cache):
+        return ""
+    return (
+        f"; PoCL's kernel cache {cache} cannot be written, or its disk is full: make room, or set "
+        "POCL_CACHE_DIR to a folder that can be"
+    )
+
+
 def pocl_cache_folder() -> Path:
     """Return the folder in which PoCL keeps compiled kernels."""
     if "POCL_CACHE_DIR" in os.environ:
@@ -194,11 +223,13 @@ def pocl_cache_folder() -> Path:
 
 
 def _writable(folder: Path) -> bool:
-    """Whether a file can be made there: permission bits say nothing to root."""
+    """Whether a file can be written there: permission bits say nothing to root, nor of room."""
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     try:
-        with tempfile.TemporaryDirectory(dir=folder):
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(_KERNEL_BYTES))
+            file.flush()
             return True
     except OSError:
         return False

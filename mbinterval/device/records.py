@@ -36,7 +36,10 @@ TEXTURE = np.dtype(
     [("texel", "u4"), ("width", "u4"), ("height", "u4"), ("levels", "u4")]
     + [("wrap", "u4"), ("unused", "u4", 3)]
 )
-LIGHT = np.dtype([("color", "f4", 3), ("kind", "u4"), ("vector", "f4", 3), ("unused", "u4")])
+LIGHT = np.dtype(
+    [("color", "f4", 3), ("kind", "u4"), ("vector", "f4", 3), ("shadow", "u4")]
+    + [("axis", "f4", 3), ("cone", "f4", 2), ("unused", "u4", 3)]
+)
 SHAPE = np.dtype(
     [("c", "f8", _MAX_PLANES), ("a", "f4", _MAX_PLANES), ("b", "f4", _MAX_PLANES)]
     + [("y_min", "f4"), ("y_max", "f4"), ("facing", "f4", 4), ("crossing", "f4", 6)]
@@ -57,6 +60,27 @@ INTERVAL = np.dtype(
 )
 FRONT = np.dtype([(name, "f4") for name in ("t0", "t1", "near", "far")] + [("path", "u4")])
 SPAN = np.dtype([("t0", "f4"), ("t1", "f4"), ("weight", "f4"), ("source", "u4")])
+EVENT = np.dtype(
+    [("pixel", "u4"), ("sample", "u4"), ("path", "u4"), ("t0", "f4"), ("t1", "f4")]
+    + [("weight", "f4"), ("share", "f4"), ("z0", "f4"), ("z1", "f4"), ("color", "f4", 4)]
+)
+EVENT_WHOLE, EVENT_PART = 1 << 31, 1 << 30
+"""Bits of an event's sample: parts of it follow, and it is such a part."""
+SHADED_SPAN = np.dtype([*((name, SPAN[name]) for name in SPAN.names or ()), ("steps", "u4")])
+"""A span where lights cast shadows (``SHADOWS``)."""
+STEP = np.dtype([("t", "f4"), ("passed", "f4")])
+SHADOW_LIGHT = np.dtype(
+    [("vector", "f8", 3), ("origin", "f8", 3)]
+    + [(name, "u4") for name in ("finite", "view", "views", "unused")]
+)
+LIGHT_VIEW = np.dtype(
+    [("matrix", "f8", 16), ("size", "u4"), ("starts", "u4"), ("paths", "u4"), ("texel", "f4")]
+)
+OUTLINE = np.dtype(
+    [(name, "f4", _MAX_PLANES) for name in "abc"] + [("near", "f4"), ("unused", "f4", 7)]
+)
+VIEW_RAYS = np.dtype([("from", "f8", 9), ("way", "f8", 9), ("depth", "f8")])
+TREE_NODE = np.dtype([("low", "f4", 3), ("high", "f4", 3), ("open", "f4"), ("close", "f4")])
 SORTING = np.dtype(("V", 4 * 9))
 """Scratch of the sort for one interval: nine words, in nine arrays (``SORT_ARRAYS``)."""
 ORDERING = np.dtype(("V", 4 * 5))
@@ -68,7 +92,7 @@ NONE = 0xFFFFFFFF
 
 MATERIAL_PHONG, MATERIAL_SINGLE_SIDED, MATERIAL_MASK, MATERIAL_METALLIC = 1, 2, 4, 8
 WRAP = {"repeat": 0, "clamp": 1, "mirror": 2}
-LIGHT_KIND = {"ambient": 0, "directional": 1, "point": 2}
+LIGHT_KIND = {"ambient": 0, "directional": 1, "point": 2, "spot": 3}
 PART_BITS = 4
 MOST_PATHS = (1 << (32 - PART_BITS)) - 1
 """Most motion paths, and most vertices, that one exposure may have: indices have 32 bits."""
@@ -92,6 +116,13 @@ BY_NAME = {
     "Interval": INTERVAL,
     "Front": FRONT,
     "Span": SPAN,
+    "Event": EVENT,
+    "Step": STEP,
+    "ShadowLight": SHADOW_LIGHT,
+    "LightView": LIGHT_VIEW,
+    "Outline": OUTLINE,
+    "ViewRays": VIEW_RAYS,
+    "TreeNode": TREE_NODE,
     "Run": RUN,
 }
 """Every record by its name in ``records.h``."""

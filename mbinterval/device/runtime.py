@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.device.choose import choose_device
+from mbinterval.device.choose import cache_trouble, choose_device
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import CapacityError, DeviceError, KernelBuildError
 
 _log = logging.getLogger(__name__)
 _runtimes: dict[int, Runtime] = {}
 _lock = threading.Lock()
+_building = threading.RLock()
+"""Held while a program is built: what is done about warnings then is the whole process's."""
 
 _PROBE = """
 kernel void probe(global ulong *out)
@@ -43,7 +45,6 @@ class Runtime:
         self.context = cl.Context([device])
         self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
         self._local = threading.local()
-        self._build_lock = threading.Lock()
         self.is_cpu = device.type & ~cl.device_type.DEFAULT == cl.device_type.CPU
         self.workers = device.max_compute_units * (1 if self.is_cpu else 64)
         self.has_clang_builtins = self._probe_clang_builtins()
@@ -70,7 +71,7 @@ class Runtime:
         return kernels[key, name]
 
     def _program(self, file: str, options: tuple[str, ...]) -> Any:
-        with self._build_lock:
+        with _building:
             if (file, options) not in self._programs:
                 source = f'#include "{file}"\n'
                 self._programs[file, options] = self._build(source, file, options)
@@ -89,7 +90,7 @@ class Runtime:
         except cl.RuntimeError as error:
             raise KernelBuildError(
                 f"kernel file {file} does not build for device {self.device.name.strip()!r} "
-                f"with {' '.join(options)}:\n{error}"
+                f"with {' '.join(options)}{cache_trouble(self.device)}:\n{error}"
             ) from None
         if caught:
             log = program.get_build_info(self.device, cl.program_build_info.LOG).strip()
@@ -102,7 +103,7 @@ class Runtime:
         import pyopencl as cl
 
         try:
-            with warnings.catch_warnings():
+            with _building, warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 program = cl.Program(self.context, _PROBE).build(options=["-cl-std=CL1.2"])
                 cl.Kernel(program, "probe")
@@ -112,7 +113,8 @@ class Runtime:
             if "__builtin_" in str(error):
                 return False
             raise KernelBuildError(
-                f"device {self.device.name.strip()!r} cannot build the smallest kernel:\n{error}"
+                f"device {self.device.name.strip()!r} cannot build the smallest kernel"
+                f"{cache_trouble(self.device)}:\n{error}"
             ) from None
         return True
 
@@ -129,7 +131,7 @@ class Runtime:
         self._check_size(array.nbytes, what)
         host = cl.mem_flags.USE_HOST_PTR if self.is_cpu else cl.mem_flags.COPY_HOST_PTR
         return self._guarded(
-            cl.Buffer, cl.mem_flags.READ_ONLY | host, hostbuf=np.ascontiguousarray(array)
+            what, cl.Buffer, cl.mem_flags.READ_ONLY | host, hostbuf=np.ascontiguousarray(array)
         )
 
     def allocate(self, nbytes: int, what: str = "") -> Any:
@@ -137,7 +139,10 @@ class Runtime:
         import pyopencl as cl
 
         self._check_size(nbytes, what)
-        return self._guarded(cl.Buffer, cl.mem_flags.READ_WRITE, size=max(nbytes, 16))
+        # PoCL else takes memory when a kernel first needs it, and crashes where there is none.
+        at_once = cl.mem_flags.ALLOC_HOST_PTR if self.is_cpu else 0
+        flags = cl.mem_flags.READ_WRITE | at_once
+        return self._guarded(what, cl.Buffer, flags, size=max(nbytes, 16))
 
     def download(self, buffer: Any, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         """Return the contents of ``buffer`` as a new array, once all work is done."""
@@ -179,8 +184,8 @@ class Runtime:
                 "segments or faces where the scene is"
             )
 
-    def _guarded(self, make: Any, flags: Any, **keywords: Any) -> Any:
-        with _device_errors("a buffer"):
+    def _guarded(self, what: str, make: Any, flags: Any, **keywords: Any) -> Any:
+        with _device_errors(f"the buffer of {what}" if what else "a buffer"):
             return make(self.context, flags, **keywords)
 
 
@@ -191,9 +196,12 @@ def _device_errors(what: str) -> Iterator[None]:
 
     try:
         yield
-    except cl.MemoryError as error:
-        raise CapacityError(f"{what}: the device is out of memory: {error}") from None
     except cl.Error as error:
+        if isinstance(error, cl.MemoryError) or error.code == cl.status_code.OUT_OF_HOST_MEMORY:
+            raise CapacityError(
+                f"{what}: the device is out of memory ({error}); render in crops, or with a "
+                "smaller tile_size, fewer samples or motion segments"
+            ) from None
         raise DeviceError(f"{what}: the device failed: {error}") from None
 
 

@@ -58,7 +58,7 @@ def reading(path: Path, what: str) -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     except SceneError as error:
-        if str(path) in str(error):
+        if str(error).startswith(str(path)):
             raise
         raise SceneError(f"{path}: {error}") from None
     except MemoryError:

@@ -55,7 +55,9 @@ def build_scene(table: SceneTable, file: str) -> tuple[Scene, tuple[Path, ...]]:
             return make()
         except SceneError as error:
             problems.append(_located(path, str(error)))
-            return None
+        except MemoryError:
+            problems.append((path, "does not fit into memory; ask for less of it"))
+        return None
 
     scene = attempt("generator", lambda: _generated(table.generator)) or Scene(meshes=())
     fps = table.fps or scene.fps

@@ -9,6 +9,7 @@ from mbinterval.errors import SceneError
 from mbinterval.scene.model import Camera, Light, Scene
 
 _LOOKS = 9
+_FARTHEST = 1e30  # as `exposure.SCALES` has it
 """Times of the animation at which the framing camera looks."""
 
 
@@ -30,12 +31,16 @@ def framing_camera(scene: Scene) -> Camera:
                 if mesh.deformer is not None:
                     points = _box_corners(mesh.deformer.positions(float(frame), used))
                 matrix = np.eye(4) if mesh.transform is None else mesh.transform.at(float(frame))
-                corners.append(points @ matrix[:3, :3].T + matrix[:3, 3])
+                with np.errstate(over="ignore", invalid="ignore"):
+                    corners.append(points @ matrix[:3, :3].T + matrix[:3, 3])
     if not corners:
         return Camera(position=(0.0, 0.0, 1.0), look_at=(0.0, 0.0, 0.0))
     points = np.concatenate(corners)
-    if not np.isfinite(points).all():
-        raise SceneError("scene: no camera, and its bounds are not finite; give a camera")
+    if not (np.abs(points) <= _FARTHEST).all():
+        raise SceneError(
+            f"scene: no camera, and its bounds reach beyond {_FARTHEST:g}, or are not finite; give "
+            "a camera, or use larger units"
+        )
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     radius = max(float(np.linalg.norm(points - centre, axis=1).max()), 1e-6)
     fov = 40.0

@@ -181,25 +181,25 @@ class _SceneReader:
         return [Camera(transform=transform, fov=fov, name=name)]
 
     def _light(self, index: int, transform: Transform) -> list[Light]:
-        """Read a light of KHR_lights_punctual, in lux or candela.
+        """Read a light of KHR_lights_punctual, in lux or candela; its cone is in radians.
 
         A white Lambert surface under E lux has radiance E / pi; our Phong model has no pi.
         """
         extension = (self.data.document.extensions or {}).get("KHR_lights_punctual") or {}
         source = item_at(extension.get("lights"), index, "light")
         kind = source["type"]
-        if kind == "spot":
-            self._note("spot lights shine to all sides, as point lights")
-            kind = "point"
-        if kind not in ("directional", "point"):
+        if kind not in ("directional", "point", "spot"):
             self._note(f"{kind} lights are left out")
             return []
+        cone = source.get("spot") or {}
         return [
             Light(
                 kind=kind,
                 color=source.get("color", (1.0, 1.0, 1.0)),
                 intensity=source.get("intensity", 1.0) / np.pi,
                 transform=transform,
+                inner_angle=float(np.degrees(cone.get("innerConeAngle", 0.0))),
+                outer_angle=float(np.degrees(cone.get("outerConeAngle", np.pi / 4))),
             )
         ]
 

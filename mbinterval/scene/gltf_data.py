@@ -14,17 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene.gltf_check import COMPONENTS, SHAPES, check_document
 
-_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_SHAPES = {
-    "SCALAR": (1, 1),
-    "VEC2": (1, 2),
-    "VEC3": (1, 3),
-    "VEC4": (1, 4),
-    "MAT2": (2, 2),
-    "MAT3": (3, 3),
-    "MAT4": (4, 4),
-}
+_MOST_ZEROS = 2**26
+"""Elements of an accessor without data: more are a mistake, not a mesh."""
 
 
 class GltfData:
@@ -49,17 +42,23 @@ class GltfData:
         self.path = path
         self.files = [path]
         data = path.read_bytes()
-        if data[:4] == b"glTF":
-            self.document: Any = GLTF2.load_from_bytes(data)
-            text = data[20 : 20 + int.from_bytes(data[12:16], "little")].decode()
-        else:
-            text = data.decode("utf-8-sig")
-            self.document = GLTF2.from_json(text, infer_missing=True)
+        binary = data[:4] == b"glTF"
+        if binary and data[16:20] != b"JSON":
+            raise SceneError("its first chunk is not JSON; the file is damaged or not glTF 2.0")
+        text = data[20 : 20 + int.from_bytes(data[12:16], "little")] if binary else data
+        tree = _parsed(text)
+        check_document(tree)
+        self.document: Any = (
+            GLTF2.load_from_bytes(data)
+            if binary
+            else GLTF2.from_json(text.decode("utf-8-sig"), infer_missing=True)
+        )
         if self.document is None:
             raise SceneError("has no JSON chunk; the file is cut off or not glTF 2.0")
-        nodes = json.loads(text).get("nodes", ())
         self.node_weights: dict[int, list[float]] = {
-            index: node["weights"] for index, node in enumerate(nodes) if node.get("weights")
+            index: node["weights"]
+            for index, node in enumerate(tree.get("nodes") or ())
+            if node.get("weights")
         }
         if not str(self.document.asset.version or "").startswith("2"):
             raise SceneError(f"is glTF {self.document.asset.version!r}; only 2.x can be read")
@@ -71,12 +70,14 @@ class GltfData:
         with the usual rows and columns.
         """
         accessor = item_at(self.document.accessors, index, "accessor")
-        columns, rows = _SHAPES[accessor.type]
-        kind = np.dtype(_COMPONENTS[accessor.componentType])
+        columns, rows = SHAPES[accessor.type]
+        kind = np.dtype(COMPONENTS[accessor.componentType])
         if accessor.bufferView is None:
+            if accessor.count > _MOST_ZEROS:
+                raise SceneError(f"accessors[{index}] has {accessor.count} elements and no data")
             values = np.zeros((accessor.count, columns, rows), kind)
         else:
-            values = self._strided(accessor, kind, columns, rows)
+            values = self._strided(index, kind, columns, rows)
         if accessor.sparse is not None:
             values = self._with_sparse(values, accessor.sparse, kind)
         if accessor.normalized and kind.kind in "iu":
@@ -85,18 +86,19 @@ class GltfData:
             return values.swapaxes(1, 2)
         return values[:, 0, 0] if rows == 1 else values[:, 0, :]
 
-    def _strided(self, accessor: Any, kind: np.dtype[Any], columns: int, rows: int) -> NDArray[Any]:
+    def _strided(self, index: int, kind: np.dtype[Any], columns: int, rows: int) -> NDArray[Any]:
+        accessor = self.document.accessors[index]
         view, data = self._view(accessor.bufferView)
         # Columns of matrices start at multiples of four bytes.
         column = rows * kind.itemsize if columns == 1 else -(-rows * kind.itemsize // 4) * 4
         stride = view.byteStride or column * columns
         offset = accessor.byteOffset or 0
         if accessor.count < 1 or offset < 0 or stride < 0:
-            raise SceneError(f"accessor has count {accessor.count} at offset {offset}")
+            raise SceneError(f"accessors[{index}] has count {accessor.count} at offset {offset}")
         needed = offset + (accessor.count - 1) * stride + (columns - 1) * column
         if needed + rows * kind.itemsize > len(data):
             raise SceneError(
-                f"accessor of {accessor.count} elements ends after its buffer view of "
+                f"accessors[{index}] of {accessor.count} elements ends after its buffer view of "
                 f"{len(data)} bytes; the file is damaged or cut off"
             )
         shape, strides = (accessor.count, columns, rows), (stride, column, kind.itemsize)
@@ -107,7 +109,7 @@ class GltfData:
         _, what = self._view(sparse.values.bufferView)
         places = np.frombuffer(
             where,
-            _COMPONENTS[sparse.indices.componentType],
+            COMPONENTS[sparse.indices.componentType],
             sparse.count,
             sparse.indices.byteOffset or 0,
         )
@@ -141,8 +143,8 @@ class GltfData:
         image = item_at(self.document.images, index, "image")
         if image.uri:
             name = image.name or ("" if image.uri.startswith("data:") else image.uri)
-            return self._resource(image.uri), name or f"image {index}"
-        return bytes(self._view(image.bufferView)[1]), image.name or f"image {index}"
+            return self._resource(image.uri), name or str(index)
+        return bytes(self._view(image.bufferView)[1]), image.name or str(index)
 
     def _resource(self, uri: str) -> bytes:
         """Bytes behind a data URI or a path relative to the file."""
@@ -160,6 +162,21 @@ class GltfData:
         data = path.read_bytes()
         self.files.append(path)
         return data
+
+
+def _parsed(text: bytes) -> Any:
+    """JSON of a file; a syntax error gives line and column."""
+    try:
+        return json.loads(text.decode("utf-8-sig"))
+    except json.JSONDecodeError as error:
+        where = f"at line {error.lineno}, column {error.colno}"
+        raise SceneError(
+            f"not a readable glTF file: {error.msg} ({where} of its JSON); export it again"
+        ) from None
+    except UnicodeDecodeError as error:
+        raise SceneError(
+            f"not a readable glTF file: its JSON is not UTF-8 ({error}); export it again"
+        ) from None
 
 
 def item_at(items: Any, index: Any, what: str) -> Any:

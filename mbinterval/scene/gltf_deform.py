@@ -71,6 +71,8 @@ def read_skin(
                 f"skin {name!r}: {len(inverse)} inverse bind matrices for "
                 f"{len(source.joints)} joints"
             )
+        if not np.isfinite(inverse).all():
+            raise SceneError(f"skin {name!r}: its inverse bind matrices are not finite")
     indices, weights = _influences(data, primitive, count, name)
     wrong = np.argwhere((indices < 0) | (indices >= len(source.joints)))
     if len(wrong):

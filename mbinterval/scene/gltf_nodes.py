@@ -40,13 +40,15 @@ def read_clip(data: GltfData, fps: float, clip: str | int | None, notes: list[st
         known = ", ".join(names) or "none"
         raise SceneError(f"no clip {clip!r}; the file has: {known}")
     tracks: dict[tuple[int, str], Track] = {}
-    for channel in animations[index].channels:
+    for number, channel in enumerate(animations[index].channels):
         if channel.target.node is None:
             continue
-        sampler = item_at(animations[index].samplers, channel.sampler, "sampler")
-        tracks[channel.target.node, channel.target.path] = _track(
-            data, sampler, fps, channel.target.path
-        )
+        try:
+            sampler = item_at(animations[index].samplers, channel.sampler, "sampler")
+            track = _track(data, sampler, fps, channel.target.path)
+        except SceneError as error:
+            raise SceneError(f"animations[{index}].channels[{number}]: {error}") from None
+        tracks[channel.target.node, channel.target.path] = track
     ends = [end for track in tracks.values() for end in (track.frames[0], track.frames[-1])]
     return Clip(tracks, (float(min(ends)), float(max(ends))) if ends else None)
 
@@ -57,6 +59,8 @@ def _track(data: GltfData, sampler: Any, fps: float, path: str) -> Track:
         raise SceneError(f"unknown interpolation {sampler.interpolation!r}")
     frames = data.accessor(sampler.input).astype(np.float64) * fps
     values = data.accessor(sampler.output).astype(np.float64)
+    if frames.ndim != 1:
+        raise SceneError(f"times of a {path} channel are no SCALAR; the file is damaged")
     per_key = 3 if interpolation == "cubic" else 1
     size = values.size // max(len(frames) * per_key, 1)
     if not size or size * len(frames) * per_key != values.size:

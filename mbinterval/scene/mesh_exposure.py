@@ -137,13 +137,14 @@ def world_positions(mesh: Mesh, window: Window, times: Float64, which: Index = A
     """
     frames = window.frames(times)
     matrices = _matrices(mesh, frames, window.frame)
-    if mesh.deformer is None:
-        points = _at_times(mesh.positions[..., which, :], times)
-    else:
-        points = np.array(
-            [mesh.deformer.positions(float(frame), which, window.frame) for frame in frames]
-        )
-    positions = points @ matrices[:, :3, :3].mT + matrices[:, None, :3, 3]
+    with np.errstate(over="ignore", invalid="ignore"):  # the result is looked at
+        if mesh.deformer is None:
+            points = _at_times(mesh.positions[..., which, :], times)
+        else:
+            points = np.array(
+                [mesh.deformer.positions(float(frame), which, window.frame) for frame in frames]
+            )
+        positions = points @ matrices[:, :3, :3].mT + matrices[:, None, :3, 3]
     if not np.isfinite(positions).all():
         raise SceneError(f"mesh {mesh.name!r}: its transform takes vertices to infinity")
     return np.asarray(positions)

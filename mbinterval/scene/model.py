@@ -41,7 +41,7 @@ Float32 = NDArray[np.float32]
 
 SHADINGS = ("unlit", "phong", "metallic_roughness")
 ALPHA_MODES = ("auto", "opaque", "mask", "blend")
-LIGHT_KINDS = ("ambient", "directional", "point")
+LIGHT_KINDS = ("ambient", "directional", "point", "spot")
 MOST_SEGMENTS = 4096
 WRAPS = ("repeat", "clamp", "mirror")
 
@@ -155,11 +155,19 @@ class Material:
 
 @dataclass(frozen=True)
 class Light:
-    """A light without extent: ``"ambient"``, ``"directional"`` or ``"point"``.
+    """A light without extent: ``"ambient"``, ``"directional"``, ``"point"`` or ``"spot"``.
 
     ``direction`` is the way that light travels. A point light falls off with the square of the
     distance: ``color * intensity / distance**2``. Both are in the space that ``transform`` maps to
     the world; a light that moves stands for a whole exposure where it is at the frame.
+
+    A spot light is a point light in a cone about ``direction``: full within ``inner_angle`` of it,
+    none beyond ``outer_angle``, both in degrees, ``0 <= inner_angle < outer_angle <= 90``. Between
+    them it fades with the square of (cos(angle) - cos(outer)) / (cos(inner) - cos(outer)), as
+    glTF's KHR_lights_punctual proposes.
+
+    With ``shadows`` surfaces hide it from each other; `Settings.shadows` can decide for all lights.
+    Ambient light has no shadows.
     """
 
     kind: str
@@ -168,12 +176,22 @@ class Light:
     direction: Vector = (0.0, 0.0, -1.0)
     position: Vector = (0.0, 0.0, 0.0)
     transform: Placement | None = None
+    inner_angle: float = 0.0
+    outer_angle: float = 45.0
+    shadows: bool = False
 
     def __post_init__(self) -> None:
         kind = checks.choice(self.kind, LIGHT_KINDS, "light: kind")
         direction = checks.vector(self.direction, "light: direction")
-        if kind == "directional" and not any(direction):
+        if kind in ("directional", "spot") and not any(direction):
             raise SceneError("light: direction is zero; give the way that light travels")
+        inner = checks.number(self.inner_angle, "light: inner_angle", 0.0)
+        outer = checks.number(self.outer_angle, "light: outer_angle", 0.0, 90.0)
+        if inner >= outer:
+            raise SceneError(
+                f"light: inner_angle={inner:g}, outer_angle={outer:g}; expected inner_angle < "
+                "outer_angle, in degrees from the middle of the cone"
+            )
         freeze(
             self,
             kind=kind,
@@ -181,6 +199,9 @@ class Light:
             intensity=checks.number(self.intensity, "light: intensity", 0.0),
             direction=direction,
             position=checks.vector(self.position, "light: position"),
+            inner_angle=inner,
+            outer_angle=outer,
+            shadows=checks.flag(self.shadows, "light: shadows"),
         )
         if self.transform is not None:
             check_place(self.transform, "light: transform")

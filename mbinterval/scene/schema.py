@@ -227,11 +227,14 @@ class ShutterTable(Table):
 class LightTable(Table):
     """See `mbinterval.Light`."""
 
-    kind: Literal["ambient", "directional", "point"]
+    kind: Literal["ambient", "directional", "point", "spot"]
     color: Vec3 | None = None
     intensity: NotNegative | None = None
     direction: Direction | None = None
     position: Vec3 | None = None
+    inner_angle: NotNegative | None = None
+    outer_angle: Annotated[float, Field(gt=0, le=90)] | None = None
+    shadows: bool | None = None
 
 
 class MaterialTable(Table):

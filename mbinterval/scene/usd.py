@@ -30,7 +30,7 @@ from mbinterval.scene.usd_mesh import (
     read_topology,
 )
 from mbinterval.scene.usd_skel import SkelReader
-from mbinterval.scene.usd_time import Clock, keyed, prim_place, visibility
+from mbinterval.scene.usd_time import Clock, keyed, prim_place, reading_prim, visibility
 
 Float64 = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def read_usd(path: Path, fps: float | None = None, root: Transform | None = None
         raise SceneError(
             f"{path}: USD files need usd-core: pip install 'mbinterval[usd]'"
         ) from None
-    with reading(path, "USD"):
+    with reading(path, "USD"), reading_prim(""):
         stage = Usd.Stage.Open(str(path))
         return _StageReader(stage, path, fps, root).asset()
 
@@ -91,14 +91,15 @@ class _StageReader:
         cameras: list[Viewpoint] = []
         others: set[str] = set()
         for prim in self._prims():
-            if prim.IsA(UsdGeom.Mesh):
-                meshes += self._meshes(prim)
-            elif prim.IsA(UsdGeom.PointInstancer):
-                meshes += self._instances(UsdGeom.PointInstancer(prim))
-            elif prim.IsA(UsdGeom.Camera):
-                cameras += self._camera(UsdGeom.Camera(prim))
-            elif prim.IsA(UsdGeom.Gprim):
-                others.add(str(prim.GetTypeName()))
+            with reading_prim(str(prim.GetPath())):
+                if prim.IsA(UsdGeom.Mesh):
+                    meshes += self._meshes(prim)
+                elif prim.IsA(UsdGeom.PointInstancer):
+                    meshes += self._instances(UsdGeom.PointInstancer(prim))
+                elif prim.IsA(UsdGeom.Camera):
+                    cameras += self._camera(UsdGeom.Camera(prim))
+                elif prim.IsA(UsdGeom.Gprim):
+                    others.add(str(prim.GetTypeName()))
         if others:
             self._note(f"only meshes are read; left out: {', '.join(sorted(others))}")
         if not meshes:

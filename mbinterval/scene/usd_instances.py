@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.tracks import Placement, Track
-from mbinterval.scene.usd_time import Clock, columns
+from mbinterval.scene.usd_time import Clock, columns, finite, reading_prim
 
 Float64 = NDArray[np.float64]
 
@@ -28,17 +28,21 @@ class Crowd:
         from pxr import UsdGeom
 
         key = (frame, base)
-        if key not in self.known:
+        places = self.known.get(key)  # other threads may clear it at any time
+        if places is None:
             if len(self.known) >= 1024:
                 self.known.clear()
-            found = self.source.ComputeInstanceTransformsAtTime(
-                self.clock.code(frame),
-                self.clock.code(base),
-                UsdGeom.PointInstancer.ExcludeProtoXform,
-                UsdGeom.PointInstancer.IgnoreMask,
-            )
-            self.known[key] = np.array(found, dtype=np.float64).transpose(0, 2, 1)
-        return self.known[key]
+            path = self.source.GetPath()
+            with reading_prim(path):
+                found = self.source.ComputeInstanceTransformsAtTime(
+                    self.clock.code(frame),
+                    self.clock.code(base),
+                    UsdGeom.PointInstancer.ExcludeProtoXform,
+                    UsdGeom.PointInstancer.IgnoreMask,
+                )
+                places = np.array(found, dtype=np.float64).transpose(0, 2, 1)
+            self.known[key] = finite(places, path, frame)
+        return places
 
 
 @dataclass(frozen=True, eq=False)

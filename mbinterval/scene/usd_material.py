@@ -95,13 +95,12 @@ class MaterialReader:
         if source is None:
             value = _value(base, (0.18, 0.18, 0.18))
             return MaterialUse(replace(material, base_color=_triple(value)))
-        if source.GetShaderId() == "UsdUVTexture":
+        kind = source.GetShaderId() or "a shader without id"
+        if kind == "UsdUVTexture":
             return self._textured(material, source)
-        if source.GetShaderId().startswith("UsdPrimvarReader"):
+        if kind.startswith("UsdPrimvarReader"):
             return MaterialUse(material, color=str(_value(source.GetInput("varname"), "")))
-        self._note(
-            f"material {material.name!r}: its colour comes from {source.GetShaderId()}; left out"
-        )
+        self._note(f"material {material.name!r}: its colour comes from {kind}; left out")
         return MaterialUse(material)
 
     def _with_alpha(self, use: MaterialUse, shader: Any) -> MaterialUse:

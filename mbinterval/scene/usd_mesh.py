@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.deform import ALL, Index
-from mbinterval.scene.usd_time import Clock
+from mbinterval.scene.usd_time import Clock, reading_prim
 
 Float64 = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -146,7 +146,8 @@ class MovingPoints:
         """See `Deformer`. Velocities lead on from the sample at or before ``base``."""
         code = self.clock.code(frame)
         start = self.clock.code(frame if base is None else base)
-        points = np.array(self.mesh.ComputePointsAtTime(code, start), dtype=np.float64)
+        with reading_prim(self.mesh.GetPath()):
+            points = np.array(self.mesh.ComputePointsAtTime(code, start), dtype=np.float64)
         chosen = self.vertices[which]
         if len(points) <= int(chosen.max(initial=-1)):
             raise SceneError(f"{self.mesh.GetPath()}: only {len(points)} points at frame {frame:g}")
@@ -170,7 +171,8 @@ class MovingNormals(MovingPoints):
 
     def normals(self, frame: float) -> Float64 | None:
         """See `Deformer`."""
-        found = read_normals(self.mesh, self.topology, self.clock.code(frame))
+        with reading_prim(self.mesh.GetPath()):
+            found = read_normals(self.mesh, self.topology, self.clock.code(frame))
         return None if found is None else found.at_corners(self.topology)[self.corners]
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.deform import Morph, MorphedSkin, Skin
-from mbinterval.scene.usd_time import Clock, columns
+from mbinterval.scene.usd_time import Clock, columns, finite, reading_prim
 
 Float64 = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -36,9 +36,11 @@ class SkelJoints:
 
     def at(self, frame: float) -> Float64:
         """See `Joints`; in the skeleton's space."""
-        found = self.skeleton.ComputeSkinningTransforms(self.clock.code(frame))
-        matrices = np.array(found, dtype=np.float64).transpose(0, 2, 1)
-        return np.asarray(matrices[self.order] @ self.bind)
+        path = self.skeleton.GetPrim().GetPath()
+        with reading_prim(path):
+            found = self.skeleton.ComputeSkinningTransforms(self.clock.code(frame))
+            matrices = np.array(found, dtype=np.float64).transpose(0, 2, 1)[self.order]
+        return np.asarray(finite(matrices, path, frame) @ self.bind)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,8 @@ class ShapeWeights:
 
     def at(self, frame: float) -> Float64:
         """See `Weights`."""
-        given = np.array(self.animation.ComputeBlendShapeWeights(self.clock.code(frame)))
+        with reading_prim(self.animation.GetPrim().GetPath()):
+            given = np.array(self.animation.ComputeBlendShapeWeights(self.clock.code(frame)))
         known = np.append(given, 0.0)  # -1 is a shape that the animation does not know
         weights = known[self.order].astype(np.float32)
         subs, _, shapes = self.query.ComputeSubShapeWeights(weights.tolist())

@@ -1,16 +1,43 @@
-"""Time in a USD stage: time codes of frames, places of prims, keyed attributes, visibility."""
+"""Time in a USD stage: time codes of frames, places of prims, keyed attributes, visibility.
+
+USD reads values when they are asked for, so a damaged file may be found out in any frame.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.errors import SceneError
 from mbinterval.scene.tracks import Placement, Track
 
 Float64 = NDArray[np.float64]
+
+_REASON = re.compile(r" : '(.*?)'\n", re.DOTALL)
+_MOST_REASON = 300
+
+
+@contextmanager
+def reading_prim(prim: Any) -> Iterator[None]:
+    """Name the prim that cannot be read, and of what USD says the reasons without its own lines.
+
+    What USD or its values raise on a damaged file is anything at all, as in `reading`.
+    """
+    try:
+        yield
+    except (SceneError, MemoryError):
+        raise
+    except Exception as error:
+        said = dict.fromkeys(" ".join(text.split()) for text in _REASON.findall(f"{error}\n"))
+        reason = "; ".join(said) or f"{type(error).__name__}: {error}"
+        place = f"{prim}: cannot be read" if str(prim) else "not a readable USD file"
+        raise SceneError(f"{place} ({reason[:_MOST_REASON]}); export it again") from error
 
 
 @dataclass(frozen=True)
@@ -50,8 +77,11 @@ class PrimPlace:
         """See `Placement`."""
         from pxr import UsdGeom
 
-        local = UsdGeom.Imageable(self.prim).ComputeLocalToWorldTransform(self.clock.code(frame))
-        return under(self.root, columns(local), frame)
+        path = self.prim.GetPath()
+        with reading_prim(path):
+            imageable = UsdGeom.Imageable(self.prim)
+            local = columns(imageable.ComputeLocalToWorldTransform(self.clock.code(frame)))
+        return under(self.root, finite(local, path, frame), frame)
 
 
 def prim_place(prim: Any, clock: Clock, root: Placement | None) -> PrimPlace:
@@ -77,6 +107,13 @@ def prim_place(prim: Any, clock: Clock, root: Placement | None) -> PrimPlace:
 def columns(matrix: Any) -> Float64:
     """Gf matrix, which acts on rows, as an array that acts on columns."""
     return np.array(matrix, dtype=np.float64).T
+
+
+def finite(matrix: Float64, prim: Any, frame: float) -> Float64:
+    """Return ``matrix``, the place of ``prim``, if it has one."""
+    if not np.isfinite(matrix).all():
+        raise SceneError(f"{prim}: its place at frame {frame:g} is not finite")
+    return matrix
 
 
 def under(root: Placement | None, matrix: Float64, frame: float) -> Float64:

@@ -105,7 +105,9 @@ def _table(annotation: Any) -> type[Table] | None:
 
 
 def _path(names: Iterable[str | int]) -> str:
-    text = "".join(f"[{name}]" if isinstance(name, int) else f".{name}" for name in names)
+    text = "".join(
+        f"[{name}]" if isinstance(name, int) else f".{name or repr(name)}" for name in names
+    )
     return text.lstrip(".")
 
 

@@ -204,7 +204,16 @@ def _accumulation() -> dict[str, Sweep]:
             "slices",
             _SLICES,
         ),
-        "slices-4": _sweep("slices of 4 samples", "slices of 4", few, "slices", _SLICES[:5]),
+        "slices-4": _sweep(
+            "slices of 4 samples", "slices of 4", few, "slices", (4, 8, *_SLICES[:5])
+        ),
+        "slices-lines": _sweep(
+            "slices of 4 samples, along lines across the lens",
+            "slices of lines",
+            {**few, "slice_lens": "line"},
+            "slices",
+            (4, 8, *_SLICES[:5]),
+        ),
         "slices-stochastic": _sweep(
             "slices that are sampled over their parts of the shutter",
             "slices stochastic",

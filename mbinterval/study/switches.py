@@ -103,8 +103,20 @@ def _dark(scene: Scene, _frame: float) -> Scene:
 
 
 def _no_point_lights(scene: Scene, _frame: float) -> Scene:
-    lights: list[Light] = [light for light in scene.lights if light.kind != "point"]
+    lights: list[Light] = [light for light in scene.lights if light.kind not in ("point", "spot")]
     return replace(scene, lights=lights)
+
+
+def _round_lights(scene: Scene, _frame: float) -> Scene:
+    """Spot lights shine to all sides."""
+    lights = [
+        replace(light, kind="point") if light.kind == "spot" else light for light in scene.lights
+    ]
+    return replace(scene, lights=lights)
+
+
+def _shadowless(scene: Scene, _frame: float) -> Scene:
+    return replace(scene, lights=[replace(light, shadows=False) for light in scene.lights])
 
 
 def _untextured(scene: Scene, _frame: float) -> Scene:
@@ -135,6 +147,8 @@ SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "metallic-roughness shading": ("Phong's model instead", _phong),
     "emission": ("nothing glows", _dark),
     "point lights": ("without its point lights", _no_point_lights),
+    "spot lights": ("point lights for its spot lights", _round_lights),
+    "shadows": ("lights that shine through everything", _shadowless),
     "texture": ("without textures", _untextured),
     "vertex colour": ("one colour for each material", _one_colour),
     "background image": ("the background's mean colour", _plain_background),

@@ -169,20 +169,21 @@ def phong(
     light: Light,
 ) -> np.ndarray:
     """What one light adds: colour * max(0, n.l) + specular * max(0, r.v) ** shininess, lit."""
-    arriving = np.asarray(light.color) * light.intensity
     if light.kind == "ambient":
-        return color * arriving
-    if light.kind == "directional":
-        towards = unit(-np.asarray([light.direction]))
-    else:
-        towards = np.asarray(light.position) - position
-        arriving = arriving / (towards**2).sum(axis=1, keepdims=True)
-        towards = unit(towards)
+        return color * np.asarray(light.color) * light.intensity
+    towards, arriving = arriving_from(light, position)
     cosine = (normal * towards).sum(axis=1, keepdims=True)
     mirrored = 2.0 * cosine * normal - towards
     highlight = np.maximum((mirrored * view).sum(axis=1, keepdims=True), 0.0) ** material.shininess
     lit = cosine * color + highlight * np.asarray(material.specular)
     return np.where(cosine > 0, arriving * lit, 0.0)
+
+
+def cone(light: Light, towards: np.ndarray) -> np.ndarray:
+    """Share ``(M, 1)`` of a spot light's strength by angle: the glTF extension's formula."""
+    inner, outer = np.cos(np.radians([light.inner_angle, light.outer_angle]))
+    across = -(towards * unit(np.asarray([light.direction]))).sum(axis=1, keepdims=True)
+    return np.clip((across - outer) / max(0.001, inner - outer), 0.0, 1.0) ** 2
 
 
 def arriving_from(light: Light, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -191,7 +192,8 @@ def arriving_from(light: Light, position: np.ndarray) -> tuple[np.ndarray, np.nd
     if light.kind == "directional":
         return unit(-np.asarray([light.direction])), color
     towards = np.asarray(light.position) - position
-    return unit(towards), color / (towards**2).sum(axis=1, keepdims=True)
+    color = color / (towards**2).sum(axis=1, keepdims=True)
+    return unit(towards), color * cone(light, unit(towards)) if light.kind == "spot" else color
 
 
 def metallic_roughness(

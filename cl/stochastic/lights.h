@@ -1,0 +1,101 @@
+// The light that reaches point samples: by rays at each sample's own time, or by a shadow map with
+// several times in each texel (Akenine-Moeller et al. 2007, 3.5).
+#ifndef MB_LIGHTS_H
+#define MB_LIGHTS_H
+
+#include "stochastic/moving.h"
+#include "stochastic/trace.h"
+#include "shared/attributes.h"
+
+// Where samples see the path, in the world from the first eye: the mean of its vertices by the
+// samples' edge functions.
+static Doubles3 points_seen(const Tile *tile, Path path, const Samples *samples)
+{
+    double16 tau = (convert_double16(samples->t) - path.open) / path_length(path);
+    double16 x = convert_double16(samples->x) + (tile->x + HALF);
+    double16 y = convert_double16(samples->y) + (tile->y + HALF);
+    const uint corner[3] = {path.a, path.b, path.c};
+    double16 px[3], py[3], e[3];
+    for (int i = 0; i < 3; i++) {
+        Vertex a = tile->scene.vertices[corner[i]], b = tile->scene.vertices[corner[i] + path.step];
+        double16 w = a.w + tau * (b.w - a.w);
+        px[i] = a.x + tau * (b.x - a.x), py[i] = a.y + tau * (b.y - a.y);
+#ifdef LENS
+        double16 circle = a.circle + tau * (b.circle - a.circle);
+        px[i] += convert_double16(samples->u) * circle;
+        py[i] += convert_double16(samples->v) * circle;
+#endif
+        px[i] -= x * w, py[i] -= y * w;
+    }
+    double16 sum = 0.0;
+    for (int i = 0; i < 3; i++) {
+        int p = (i + 1) % 3, q = (i + 2) % 3;
+        e[i] = px[p] * py[q] - px[q] * py[p];
+        sum += e[i];
+    }
+    Doubles3 seen = {0.0, 0.0, 0.0};
+    for (int i = 0; i < 3; i++) {
+        double16 share = sum != 0.0 ? e[i] / sum : (double16)(1.0 / 3.0);
+        seen = doubles_added(seen, share,
+                             world_at(&tile->occluders, corner[i], path.step, tau));
+    }
+    return seen;
+}
+
+#ifdef SHADOW_MAP
+
+// Whether the nearest surface of the map's texel, at a time of the sample's stratum, lies before
+// the point by more than the bias: SHADOW_BIAS times a texel's size there.
+static bool is_hidden(const Tile *tile, uint index, double3 p, float t)
+{
+    global const LightView *view = tile->light_views + index;
+    global const double *m = view->matrix;
+    double x = m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3];
+    double y = m[4] * p.x + m[5] * p.y + m[6] * p.z + m[7];
+    double w = m[8] * p.x + m[9] * p.y + m[10] * p.z + m[11];
+    double depth = m[12] * p.x + m[13] * p.y + m[14] * p.z + m[15];
+    if (!(w > 0.0 && x >= 0.0 && y >= 0.0 && x < SHADOW_MAP * w && y < SHADOW_MAP * w))
+        return false;
+    int column = min((int)(x / w), SHADOW_MAP - 1), row = min((int)(y / w), SHADOW_MAP - 1);
+    int stratum = clamp((int)(t * SHADOW_STRATA), 0, SHADOW_STRATA - 1);
+    size_t texel = ((size_t)index * SHADOW_STRATA + stratum) * SHADOW_MAP + row;
+    float nearest = tile->shadow_map[texel * SHADOW_MAP + column];
+    return nearest + SHADOW_BIAS * view->texel * w < depth;
+}
+
+static Lanes mapped_share(const Tile *tile, const ShadowLight *light, const Doubles3 *points,
+                          Lanes t)
+{
+    float share[LANES];
+    for (int i = 0; i < LANES; i++) {
+        double3 p = (double3)(((const double *)&points->x)[i], ((const double *)&points->y)[i],
+                              ((const double *)&points->z)[i]);
+        bool hidden = false;
+        for (uint k = 0; k < light->views && !hidden; k++)
+            hidden = is_hidden(tile, light->view + k, p, ((const float *)&t)[i]);
+        share[i] = hidden ? 0.0f : 1.0f;
+    }
+    return vload16(0, share);
+}
+
+#endif
+
+// Shares of the light, of all lights that cast shadows, that reach what samples see of a path.
+static void light_at_samples(const Tile *tile, uint path, const Samples *samples, Lanes *lit)
+{
+    Doubles3 points = points_seen(tile, tile->scene.paths[path], samples);
+    for (int k = 0; k < SHADOWS; k++) {
+        ShadowLight light = tile->shadow_lights[k];
+#ifdef SHADOW_MAP
+        lit[k] = mapped_share(tile, &light, &points, samples->t);
+#else
+        Rays rays = {.from = points, .t = samples->t, .ends = light.finite};
+        Doubles3 towards = {light.vector[0], light.vector[1], light.vector[2]};
+        Doubles3 place = {light.origin[0], light.origin[1], light.origin[2]};
+        rays.way = light.finite ? doubles_added(place, -1.0, points) : towards;
+        lit[k] = light_share(&tile->occluders, &rays, path);
+#endif
+    }
+}
+
+#endif

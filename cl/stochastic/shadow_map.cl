@@ -1,0 +1,46 @@
+// Stage "shadow_map": the least depth that each light sees through every texel, at one jittered
+// place and time for each stratum of the shutter (Akenine-Moeller et al. 2007, 3.5).
+#include "stochastic/trace.h"
+#include "shared/bits.h"
+
+#pragma OPENCL FP_CONTRACT OFF
+
+static inline float jitter(uint seed, uint what)
+{
+    return (mix_bits(seed ^ mix_bits(what + 0x9e3779b9u)) >> 8) * 0x1p-24f;
+}
+
+// The ray through x, y of a view.
+static void aim(Rays *rays, int lane, global const ViewRays *view, double x, double y)
+{
+    double *from[3] = {(double *)&rays->from.x, (double *)&rays->from.y, (double *)&rays->from.z};
+    double *way[3] = {(double *)&rays->way.x, (double *)&rays->way.y, (double *)&rays->way.z};
+    for (int i = 0; i < 3; i++) {
+        from[i][lane] = view->from[i] + x * view->from[3 + i] + y * view->from[6 + i];
+        way[i][lane] = view->way[i] + x * view->way[3 + i] + y * view->way[6 + i];
+    }
+}
+
+// One row of texels of one stratum of one view for each work-item.
+kernel void shadow_map(global const Vertex *world, global const Path *paths,
+                       global const TreeNode *nodes, global const uint *leaves, uint leaf_nodes,
+                       global const ViewRays *views, uint seed, global float *map)
+{
+    uint item = get_global_id(0), stratum = item / SHADOW_MAP % SHADOW_STRATA;
+    global const ViewRays *view = views + item / SHADOW_MAP / SHADOW_STRATA;
+    Occluders o = {world, paths, nodes, leaves, leaf_nodes};
+    for (uint first = 0; first < SHADOW_MAP; first += LANES) {
+        Rays rays = {.ends = false};
+        float times[LANES];
+        for (uint i = 0; i < LANES; i++) {
+            uint x = min(first + i, SHADOW_MAP - 1u);
+            uint own = mix_bits(seed ^ mix_bits(item * SHADOW_MAP + x));
+            aim(&rays, (int)i, view, x + jitter(own, 0u), item % SHADOW_MAP + jitter(own, 1u));
+            times[i] = (stratum + jitter(own, 2u)) * (1.0f / SHADOW_STRATA);
+        }
+        rays.t = vload16(0, times);
+        Lanes depth = convert_float16(view->depth + first_place(&o, &rays));
+        for (uint i = 0; i < min(LANES, (int)(SHADOW_MAP - first)); i++)
+            map[(size_t)item * SHADOW_MAP + first + i] = ((const float *)&depth)[i];
+    }
+}

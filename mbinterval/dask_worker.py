@@ -1,0 +1,109 @@
+"""What a Dask worker does for `dask_farm`: bands of frames of a scene that it reads once."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import mbinterval
+from mbinterval.batch import opened
+from mbinterval.errors import CapacityError, MbintervalError, SceneError, UsageError
+from mbinterval.film import Film
+from mbinterval.parts import Crop
+from mbinterval.scene.model import Scene
+from mbinterval.settings import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """What a worker must know of a job. ``files`` are digests by path, beside ``source``."""
+
+    source: str
+    files: Mapping[str, str]
+    program: str
+    animation: tuple[str | int | None, float | None]
+    shutter: tuple[float, float] | None
+    resolution: tuple[int, int]
+    settings: Settings
+    device: Any
+    memory: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """What a worker sends back: a film or an error, seconds, and its address."""
+
+    film: Film | None
+    error: BaseException | None
+    seconds: float
+    worker: str
+
+
+def render_part(order: Order, frame: int, camera: int | None, crop: Crop) -> Done:
+    """Render a band of a frame; runs on a worker."""
+    from distributed import get_worker
+
+    worker = str(get_worker().address)
+    started = time.perf_counter()
+    try:
+        scene = _scene_of(order, worker)
+        film = mbinterval.render(
+            scene if camera is None else scene.through(camera),
+            frame=frame,
+            width=order.resolution[0],
+            height=order.resolution[1],
+            settings=order.settings,
+            device=order.device,
+            crop=crop,
+            memory=order.memory,
+        )
+    except (MbintervalError, MemoryError) as error:
+        kind = CapacityError if isinstance(error, MemoryError) else type(error)
+        told = kind(f"{Path(order.source).name}: frame {frame}: on {worker}: {error}")
+        return Done(None, told, time.perf_counter() - started, worker)
+    film = replace(film, device=f"{film.device} at {worker}")
+    return Done(film, None, time.perf_counter() - started, worker)
+
+
+_scenes: dict[tuple[Any, ...], Scene] = {}
+_lock = threading.Lock()
+
+
+def _scene_of(order: Order, worker: str) -> Scene:
+    """Scene of an order, read once by a worker and kept until another one is asked for."""
+    from mbinterval.provenance import program_digest
+    from mbinterval.scene.load import load_file
+
+    if program_digest() != order.program:
+        raise UsageError(
+            f"the worker has another mbinterval (here {mbinterval.__version__}); install the same "
+            "one everywhere"
+        )
+    files = tuple(sorted(order.files.items()))
+    key = order.source, files, order.animation, order.shutter
+    with _lock:
+        if key not in _scenes:
+            _check_files(Path(order.source), order.files)
+            clip, fps = order.animation
+            scene = load_file(order.source, clip=clip, fps=fps).scene
+            _scenes.clear()
+            _scenes[key] = opened(scene, order.shutter)
+        return _scenes[key]
+
+
+def _check_files(source: Path, files: Mapping[str, str]) -> None:
+    """Refuse files that are not those of the process that asked."""
+    from mbinterval.provenance import file_digests
+
+    for name, digest in files.items():
+        path = source.parent / name
+        if not path.is_file():
+            raise SceneError(
+                f"{path}: is not there; a scene's files must be at the same path on every worker"
+            )
+        if file_digests([path])[path.name] != digest:
+            raise SceneError(f"{path}: is another file than where the job was started; copy it")
