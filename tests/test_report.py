@@ -129,6 +129,24 @@ def test_its_pictures_are_the_films_with_the_srgb_curve(page, folder, result):
         assert np.abs(linear_to_srgb(decode(picture["map"])) - linear_to_srgb(heat)).max() < 0.01
 
 
+def test_each_effect_is_shown_with_and_without(page, folder, result):
+    whole, *switched = result["effects"]
+    section = page.split('<section id="effects">')[1].split("</section>")[0]
+    blocks = section.split("<h3>")[1:]
+    assert [block.split("</h3>")[0] for block in blocks] == [one["effect"] for one in switched]
+    for one, block in zip(switched, blocks, strict=True):
+        assert one["reason"] in block
+        assert one["off"] in block
+        films = [mb.Film.read(folder / of["film"]).rgba[..., :3] for of in (whole, one)]
+        uris = re.findall(r'src="([^"]+)"', block)
+        for film, uri in zip(films, uris[:2], strict=True):
+            assert np.abs(linear_to_srgb(decode(uri)) - linear_to_srgb(film)).max() < 0.51 / 255
+        changed = np.sqrt(np.mean((films[1].astype(float) - films[0]) ** 2, axis=2))
+        shown = decode(uris[2])
+        assert np.abs(linear_to_srgb(shown) - linear_to_srgb(false_colour(changed))).max() < 0.01
+        assert (changed > 0).any() == (one["effect"] == "motion")  # closed cubes hide their backs
+
+
 def decode(uri):
     import base64
 

@@ -15,6 +15,7 @@ from mbinterval.bench import Brevity, measure
 from mbinterval.bench_cases import Case
 from mbinterval.device.meter import MeteredRuntime
 from mbinterval.effects import effects_of
+from mbinterval.film import Film
 from mbinterval.motion import lay_out
 from mbinterval.plan import roll_lines
 from mbinterval.scene.exposure import expose
@@ -137,26 +138,50 @@ def _split(mesh: Mesh) -> Mesh:
     return replace(mesh, **changed)
 
 
-def effects(case: Case, rounds: int, meter: MeteredRuntime) -> list[dict[str, Any]]:
+def effects(
+    case: Case,
+    rounds: int,
+    meter: MeteredRuntime,
+    keep: Callable[[str, Film], str] | None = None,
+) -> list[dict[str, Any]]:
     """Measure the scene as it is, and with each of its effects switched off in turn.
+
+    ``keep`` stores a film of exact time, by the effect that is off ("" for none), and tells where.
 
     Returns
     -------
     For each, the scene as it is first: ``effect``, why the scene calls for it (``reason``), what
-    was done to switch it off (``off``), and a row for each of `METHODS`.
+    was done to switch it off (``off``), a row for each of `METHODS`, and its ``film`` if it was
+    kept.
     """
-    active = {effect.name: effect.reason for effect in _plan_of(case) if effect.active}
-    without = {name: switch for name, switch in SWITCHES.items() if name in active}
-    scenes = [off(case.scene, case.frame) for _, off in without.values()]
-    cases = [case, *(replace(case, scene=scene) for scene in scenes)]
-    found = measure(cases, METHODS, rounds, meter, brevity=_BREVITY)
-    told = [("", "", "the scene as it is")] + [
-        (name, active[name], text) for name, (text, _) in without.items()
-    ]
-    return [
-        {"effect": name, "reason": reason, "off": off, "rows": scene["rows"]}
-        for (name, reason, off), scene in zip(told, found["scenes"], strict=True)
-    ]
+    found = [_effect(case, ("", "", "the scene as it is"), rounds, meter, keep)]
+    for effect in _plan_of(case):
+        if not effect.active or effect.name not in SWITCHES:
+            continue
+        off, switch = SWITCHES[effect.name]
+        without = replace(case, scene=switch(case.scene, case.frame))
+        found.append(_effect(without, (effect.name, effect.reason, off), rounds, meter, keep))
+    return found
+
+
+def _effect(
+    case: Case,
+    told: tuple[str, str, str],
+    rounds: int,
+    meter: MeteredRuntime,
+    keep: Callable[[str, Film], str] | None,
+) -> dict[str, Any]:
+    films: list[Film] = []  # of the rows, in their order
+
+    def figures(_row: str, film: Film) -> dict[str, Any]:
+        films.append(film)
+        return {}
+
+    measured = measure([case], METHODS, rounds, meter, figures, _BREVITY)["scenes"][0]
+    entry = dict(zip(("effect", "reason", "off"), told, strict=True), rows=measured["rows"])
+    if keep is not None and films and "median" in measured["rows"][0]:
+        entry["film"] = keep(told[0], films[0])
+    return entry
 
 
 def _plan_of(case: Case) -> Any:

@@ -20,7 +20,7 @@ from mbinterval.study import sections
 from mbinterval.study.pictures import Gallery, data_uri, map_uri, worst_crop
 from mbinterval.study.run import FORMAT, reference_name
 from mbinterval.study.summary import equal_times, within
-from mbinterval.study.tables import seconds_text
+from mbinterval.study.tables import figure, seconds_text
 
 
 def write_report(folder: str | Path) -> Path:
@@ -67,7 +67,7 @@ def page(result: Mapping[str, Any], folder: Path) -> str:
         "plots": sections.plots(result, series),
         "knobs": sections.knobs(result),
         "costs": sections.costs(result),
-        "effects": sections.effects(result),
+        "effects": sections.effects(result, gallery),
         "rows": sections.rows(result),
         "machine": sections.machine(result),
         "low": f"{MAP_RANGE[0]:g}",
@@ -139,23 +139,20 @@ def _strips(
     parts = []
     for time, rows in picked.items():
         figures = [
-            _figure(colour[crop], f"reference by {method}", "")
+            _crop_figure(colour[crop], f"reference by {method}", "")
             for method, colour in list(gallery.references.items())[:1]
         ]
         for row in rows.values():
             colour = gallery.colour(row["film"])
             if colour is not None:
                 told = f"{seconds_text(row['median'])}, RMSE {row['rmse']:.1e}"
-                figures.append(_figure(colour[crop], row["name"], told))
+                figures.append(_crop_figure(colour[crop], row["name"], told))
         title = f"<h3>at most {seconds_text(time)}</h3>"
         parts.append(f'{title}<div class="strip">{"".join(figures)}</div>')
     return "".join(parts)
 
 
-def _figure(colour: Any, name: str, told: str) -> str:
-    uri = data_uri(np.ascontiguousarray(colour))
+def _crop_figure(colour: Any, name: str, told: str) -> str:
     height, width = colour.shape[:2]
-    return (
-        f'<figure><img src="{uri}" alt="crop of {escape(name)}" width="{2 * width}" '
-        f'height="{2 * height}"><figcaption>{escape(name)}<br>{escape(told)}</figcaption></figure>'
-    )
+    uri = data_uri(np.ascontiguousarray(colour))
+    return figure(uri, (2 * height, 2 * width), f"crop of {name}", name, told)

@@ -180,7 +180,14 @@ class _Run:
         elif part in CURVES:
             self.result["costs"][part] = curve(part, self.case, self.rounds, self.meter)
         else:
-            self.result["effects"] = effects(self.case, self.rounds, self.meter)
+            keep = None if self.path is None else self._keep_without
+            self.result["effects"] = effects(self.case, self.rounds, self.meter, keep)
+
+    def _keep_without(self, effect: str, film: Film) -> str:
+        assert self.path is not None
+        name = film_name(f"without {effect}" if effect else "as it is")
+        film.write(self.path.parent / name)
+        return name
 
     def _sweep(self, sweep: Sweep) -> dict[str, Any]:
         judges = exact_places(sweep.rows)

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
+from mbinterval.metrics import rms_map
+from mbinterval.study.pictures import Gallery, data_uri, map_uri
 from mbinterval.study.plots import PALETTE, Axis, Point, Series, bars, plot
 from mbinterval.study.summary import (
     equal_errors,
@@ -16,13 +18,14 @@ from mbinterval.study.summary import (
     seconds_for,
     within,
 )
-from mbinterval.study.tables import seconds_text, table
+from mbinterval.study.tables import figure, seconds_text, table
 
 Result = Mapping[str, Any]
 
 _SECONDS = Axis("seconds")
 _RMSE = Axis("RMSE over linear RGB")
 _MEMORY = Axis("MB in buffers of the device", log=False)
+_SHOWN = 288  # pixels across of an effect's pictures
 
 
 def main_series(result: Result) -> dict[str, list[Any]]:
@@ -204,26 +207,48 @@ def costs(result: Result) -> str:
     return "".join(parts) + note if parts else '<p class="none">Not measured.</p>'
 
 
-def effects(result: Result) -> str:
-    """What each effect of the scene costs each method."""
+def effects(result: Result, gallery: Gallery) -> str:
+    """What each effect of the scene costs each method, and the picture with it and without."""
     measured_effects = result.get("effects", [])
     if not measured_effects:
         return '<p class="none">Not measured.</p>'
-    names = [row["name"] for row in measured_effects[0]["rows"]]
-    whole = {row["name"]: row.get("median") for row in measured_effects[0]["rows"]}
-    lines = []
-    for effect in measured_effects:
-        cells = []
-        for row in effect["rows"]:
-            before, now = whole[row["name"]], row.get("median")
-            cells.append("" if now is None else f"{now:.3f}")
-            saved = f"{(before - now) / before:+.0%}" if before and now is not None else ""
-            cells.append(saved if effect["effect"] else "")
-        lines.append([effect["effect"] or "none", effect["off"], effect["reason"], *cells])
-    head = ["effect", "switched off by", "why it is on"]
-    for name in names:
-        head += [f"{name}, s", "it costs"]
-    return table(head, lines, "Each effect switched off in turn")
+    whole, *switched = measured_effects
+    head, line = ["effect"], ["none"]
+    for row in whole["rows"]:
+        head += [f"{row['name']}, s", "it costs"]
+        line += [f"{row['median']:.3f}" if "median" in row else "", ""]
+    lines = [line, *([effect["effect"], *_cost_cells(whole, effect)] for effect in switched)]
+    shown = [_effect_pictures(whole, effect, gallery) for effect in switched]
+    return table(head, lines, "Time without each effect, the others left in") + "".join(shown)
+
+
+def _cost_cells(whole: Any, effect: Any) -> list[str]:
+    """Of each method the seconds without an effect, and the share that it takes of all."""
+    before = {row["name"]: row.get("median") for row in whole["rows"]}
+    cells = []
+    for row in effect["rows"]:
+        with_it, now = before[row["name"]], row.get("median")
+        cells.append("" if now is None else f"{now:.3f}")
+        cells.append(f"{(with_it - now) / with_it:+.0%}" if with_it and now is not None else "")
+    return cells
+
+
+def _effect_pictures(whole: Any, effect: Any, gallery: Gallery) -> str:
+    why = f"{escape(effect['reason'])}. Switched off by: {escape(effect['off'])}."
+    told = f"<h3>{escape(effect['effect'])}</h3><p>{why}</p>"
+    pair = [gallery.colour(of["film"]) if "film" in of else None for of in (whole, effect)]
+    if pair[0] is None or pair[1] is None:
+        return told
+    with_it, without = pair[0], pair[1]
+    height, width = with_it.shape[:2]
+    size = round(_SHOWN * height / width), _SHOWN
+    name = effect["effect"]
+    figures = [
+        figure(data_uri(with_it), size, f"with {name}", f"with {name}"),
+        figure(data_uri(without), size, f"without {name}", "without"),
+        figure(map_uri(rms_map(without, with_it)), size, f"what {name} changes", "difference"),
+    ]
+    return f'{told}<div class="strip">{"".join(figures)}</div>'
 
 
 def rows(result: Result) -> str:

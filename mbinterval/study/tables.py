@@ -1,4 +1,4 @@
-"""Tables of a report, which can be sorted and copied (see ``page.js``), and figures in words."""
+"""Tables of a report, which can be sorted and copied (see ``page.js``), and its figures."""
 
 from __future__ import annotations
 
@@ -27,6 +27,15 @@ def _cell(text: str) -> str:
     except ValueError:
         kind = ""
     return f"<td{kind}>{escape(text)}</td>"
+
+
+def figure(uri: str, size: tuple[int, int], alt: str, *told: str) -> str:
+    """Return a picture as an HTML figure, ``size`` rows and columns large, with lines under it."""
+    caption = "<br>".join(map(escape, told))
+    return (
+        f'<figure><img src="{uri}" alt="{escape(alt)}" width="{size[1]}" height="{size[0]}">'
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
 
 
 def seconds_text(seconds: float) -> str:
