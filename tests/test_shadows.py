@@ -14,7 +14,7 @@ from shadow_scenes import turning as turned
 
 import mbinterval as mb
 from mbinterval.scene.exposure import expose
-from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter
+from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 
 SIZE = (24, 16)
 
@@ -97,6 +97,65 @@ def test_translucent_layers_each_take_their_share_of_the_light():
     expected = np.mean(np.where(first, 0.5, 1.0) * np.where(second, 0.8, 1.0), axis=1)
     assert np.any(first & second)
     assert found / free == pytest.approx(expected, abs=2e-4)
+
+
+BARS = np.tile([0.9, 0.2, 0.6, 0.0, 0.35, 1.0, 0.1, 0.75], (2, 1))  # alpha of texels
+
+
+def barred(name: str, kind: str) -> Mesh:
+    """What moves before the light of `FORMS`, with alphas that vary along x."""
+    _, _, (left, speed) = FORMS[name]
+    bars = Texture(np.dstack([np.ones((2, 8, 3)), BARS]), wrap="clamp")
+    mode = "mask" if kind == "tested" else "blend"
+    if kind == "vertices":
+        return shade_maker(
+            left, left + 0.4, speed, material=replace(MATT, alpha_mode="blend"),
+            color=[[1.0, 1, 1, a] for a in (0.1, 0.9, 0.9, 0.1)], color_domain="vertex",
+        )  # fmt: skip
+    material = replace(MATT, texture=bars, alpha_mode=mode)
+    uv = np.array([[0.0, 1], [1, 1], [1, 0], [0, 0]])
+    return shade_maker(left, left + 0.4, speed, material=material, uv=uv)
+
+
+def alpha_along(kind: str, u: np.ndarray) -> np.ndarray:
+    """Alpha at ``u``, from 0 to 1 over the width of `barred`."""
+    if kind == "vertices":
+        return 0.1 + 0.8 * u
+    alpha = np.interp(u * 8 - 0.5, np.arange(8), BARS[0])
+    return (alpha >= 0.5).astype(float) if kind == "tested" else alpha
+
+
+@pytest.mark.parametrize("kind", ["blended", "tested", "vertices"])
+@pytest.mark.parametrize("name", ["directional", "point"])
+def test_alpha_that_varies_dims_the_light_as_it_passes(name, kind):
+    """A texture's bars run over the wall; exactly in time but for half a texel here and there."""
+    light, (factor, shift), (left, speed) = FORMS[name]
+    of = Scene(meshes=[wall(), barred(name, kind)], camera=UNIT_CAMERA, lights=[light])
+    found, free = film(of)[..., 0], film(of, shadows="off")[..., 0]
+    x = world(np.stack([np.arange(SIZE[0]) + 0.5, np.full(SIZE[0], 8.0)], 1), 2.0, SIZE)[:, 0]
+    t = (np.arange(4000) + 0.5) / 4000
+    u = ((x[:, None] - shift) / factor - left - speed * t) / 0.4
+    alpha = np.where((u >= 0) & (u <= 1), alpha_along(kind, u), 0.0)
+    expected = 1.0 - alpha.mean(axis=1)
+    lit = free > 1e-4
+    difference = np.abs(found / free - expected)[lit]
+    assert np.ptp(np.broadcast_to(expected, free.shape)[lit]) > 0.15
+    assert difference.max() < (5e-3 if kind == "tested" else 2e-3)
+    backwards = 1.0 - np.where((u >= 0) & (u <= 1), alpha_along(kind, 1.0 - u), 0.0).mean(axis=1)
+    assert np.abs(found / free - backwards)[lit].max() > 5 * difference.max()
+
+
+@pytest.mark.parametrize("kind", ["blended", "tested", "vertices"])
+def test_rays_of_point_samples_meet_alpha_that_varies(kind):
+    light, _, _ = FORMS["point"]
+    of = Scene(meshes=[wall(), barred("point", kind)], camera=UNIT_CAMERA, lights=[light])
+    exact, free = film(of)[..., 0], film(of, shadows="off")[..., 0]
+    lit = free > 1e-4
+    values = {"method": "stochastic", "samples": 256, "motion_segments": 1}
+    sampled = mb.render(of, width=SIZE[0], height=SIZE[1], settings=mb.Settings(**values)).rgba
+    share = np.where(lit, sampled[..., 0] / np.where(lit, free, 1.0), 0.0)
+    rows = slice(4, 12)  # pixels of a column see the same, but for their own light
+    assert np.abs((share - exact / np.where(lit, free, 1.0))[rows].mean(axis=0)).max() < 0.02
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -70,7 +70,7 @@ static bool alpha_varies(const Tile *tile, global const Span *spans, uint count)
 static bool layer_colors(const Tile *tile, int sample, Span span, Place place, float2 window,
                          Instants places, Colors *colors)
 {
-    Shaded s = load_shaded(tile, span.source);
+    Shaded s = load_shaded(&tile->scene, span.source);
     const float *base = s.path.color;
     float4 flat = (float4)(base[0], base[1], base[2], s.path.alpha);
 #ifdef STILL

@@ -89,9 +89,6 @@ static WideMask there_enough(const Tile *tile, Path path, const Resting *r, doub
                              Places places)
 {
     if (!(path.alpha < 0.0f)) return (WideMask)(-1);
-    Shaded s = load_shaded(tile, r->index);
-    s.place = place_of_lane(&places, 0);
-    load_attributes(tile, &s);
     Wide e[3];
     edges_at(r, &places, e);
     Wide sum = (e[0] + e[1]) + e[2];
@@ -102,8 +99,7 @@ static WideMask there_enough(const Tile *tile, Path path, const Resting *r, doub
         weights[i] = weights[i + 3] = 0.0f;
         weights[i].lo = begin, weights[i + 3].lo = end;
     }
-    Attributes a = blend_corners(&s, weights);
-    Lanes alpha = surface_alpha(tile, &s, &a, WIDE);
+    Lanes alpha = alpha_at_weights(&tile->scene, r->index, weights, WIDE);
     return convert_long8(alpha.lo >= ALPHA_THERE); // nor where it is seen edge-on
 }
 #endif
@@ -169,9 +165,8 @@ static Seen see_again(const Tile *tile, int x, int y)
     int pixel = y * TILE + x;
     uint index = tile->static_part[pixel] >> PART_BITS;
     Place place = centre_of(tile, x, y);
-    Seen seen = {.shaded = load_shaded(tile, index), .depth = tile->static_depth[pixel]};
+    Seen seen = {.shaded = load_shaded(&tile->scene, index), .depth = tile->static_depth[pixel]};
     Shaded *s = &seen.shaded;
-    s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
     seen.tau = local_moment(s->path, moment_at(tile, x, y));
     MovingTriangle moving, frozen;
     load_moving(tile->scene.vertices, s->path, tile->shapes[index].flags, &moving);

@@ -29,7 +29,7 @@ static bool changes_in_time(const Tile *tile, global const Span *spans, uint siz
 #ifdef STILL
         if (path < tile->static_paths) continue;
 #endif
-        Shaded s = load_shaded(tile, path);
+        Shaded s = load_shaded(&tile->scene, path);
         found = varies_on_surface(&s);
     }
 #endif

@@ -173,7 +173,7 @@ static float3 span_color(const Tile *tile, int sample, Span span, Place place, f
 #ifdef STILL
     if (path < tile->static_paths) return tile->still[sample].xyz;
 #endif
-    Shaded s = load_shaded(tile, path);
+    Shaded s = load_shaded(&tile->scene, path);
     if (varies_on_surface(&s)) {
         s.place = place, s.window = window;
         load_attributes(tile, &s);

@@ -55,7 +55,7 @@ static void shade_still(Tile *tile, Still *still)
         still->u[i] = still->u[i - 1], still->v[i] = still->v[i - 1];
 #endif
     }
-    Shaded s = load_shaded(tile, still->path);
+    Shaded s = load_shaded(&tile->scene, still->path);
     Colors color = {s.path.color[0], s.path.color[1], s.path.color[2]};
     if (varies_on_surface(&s)) {
         Place place = {still->x[0], still->y[0], 0.0f, 0.0f};

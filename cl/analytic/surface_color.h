@@ -5,14 +5,6 @@
 #include "analytic/tile.h"
 #include "shared/attributes.h"
 
-static Shaded load_shaded(const Tile *tile, uint path)
-{
-    Shaded s;
-    s.path = tile->scene.paths[path], s.mesh = tile->scene.meshes[s.path.mesh];
-    s.material = tile->scene.materials[s.mesh.material];
-    return s;
-}
-
 // Whether the colour is not the same all over the path.
 static inline bool varies_on_surface(const Shaded *s)
 {
@@ -33,7 +25,6 @@ static inline bool has_footprint(const Shaded *s)
 // What the corners have, and the view through the place.
 static void load_attributes(const Tile *tile, Shaded *s)
 {
-    s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
     load_corners(&tile->scene, s);
 #ifdef LIT
     load_view(&tile->scene, s);
@@ -78,20 +69,5 @@ static Colors surface_color(const Tile *tile, const Shaded *s, Attributes *a, fl
 #endif
     return colors;
 }
-
-#ifdef ALPHA_VARIES
-// Alphas alone, the texture at its finest level.
-static Lanes surface_alpha(const Tile *tile, const Shaded *s, const Attributes *a, int count)
-{
-    Lanes alpha = vertex_alpha(a);
-#ifdef TEXTURED
-    if (s->material.texture != NONE) {
-        Texture texture = tile->scene.textures[s->material.texture];
-        alpha *= texture_at(tile->scene.texels, texture, a->u, a->v, 0.0f, count).alpha;
-    }
-#endif
-    return counted_alpha(s, alpha);
-}
-#endif
 
 #endif

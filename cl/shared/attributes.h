@@ -94,6 +94,15 @@ static inline void load_color(const Scene *scene, Shaded *s, uint index, int cor
 }
 #endif
 
+static Shaded load_shaded(const Scene *scene, uint path)
+{
+    Shaded s;
+    s.path = scene->paths[path], s.mesh = scene->meshes[s.path.mesh];
+    s.material = scene->materials[s.mesh.material];
+    s.segment = (s.path.a - s.mesh.vertex) / s.mesh.count;
+    return s;
+}
+
 static void load_corners(const Scene *scene, Shaded *s)
 {
     Mesh mesh = s->mesh;
@@ -165,13 +174,18 @@ static inline Lanes vertex_alpha(const Attributes *a)
 #endif
 }
 
-// Alpha that counts, of what vertices and texture say: from 0 to 1, or one of these if it is
-// tested.
-static inline Lanes counted_alpha(const Shaded *s, Lanes alpha)
+// Alpha from 0 to 1, of what vertices and texture say.
+static inline Lanes untested_alpha(const Shaded *s, Lanes alpha)
 {
     if (!(s->path.alpha < 0.0f)) return s->path.alpha;
-    alpha = lanes_min(lanes_max(-s->path.alpha * alpha, (Lanes)(0.0f)), (Lanes)(1.0f));
-    if (!(s->material.flags & MATERIAL_MASK)) return alpha;
+    return lanes_min(lanes_max(-s->path.alpha * alpha, (Lanes)(0.0f)), (Lanes)(1.0f));
+}
+
+// Alpha that counts: 0 or 1 if it is tested.
+static inline Lanes counted_alpha(const Shaded *s, Lanes alpha)
+{
+    alpha = untested_alpha(s, alpha);
+    if (!(s->path.alpha < 0.0f) || !(s->material.flags & MATERIAL_MASK)) return alpha;
     return alpha >= s->material.cutoff ? (Lanes)(1.0f) : (Lanes)(0.0f);
 }
 #endif
@@ -187,6 +201,30 @@ static inline Colors texel_colors(const Scene *scene, uint texture, const Attrib
 #else
     return texture_at(scene->texels, scene->textures[texture], a->u, a->v, level, count);
 #endif
+}
+#endif
+
+#ifdef ALPHA_VARIES
+// What vertices and the texture, at its finest level, say of alpha; `count` of them matter.
+static Lanes given_alpha(const Scene *scene, const Shaded *s, const Attributes *a, int count)
+{
+    Lanes alpha = vertex_alpha(a);
+#ifdef TEXTURED
+    if (s->material.texture != NONE) {
+        Texture texture = scene->textures[s->material.texture];
+        alpha *= texture_at(scene->texels, texture, a->u, a->v, 0.0f, count).alpha;
+    }
+#endif
+    return alpha;
+}
+
+// Alphas that count at weights of a path's corners at its segment's start and end.
+static Lanes alpha_at_weights(const Scene *scene, uint path, const Lanes *weights, int count)
+{
+    Shaded s = load_shaded(scene, path);
+    load_corners(scene, &s);
+    Attributes a = blend_corners(&s, weights);
+    return counted_alpha(&s, given_alpha(scene, &s, &a, count));
 }
 #endif
 

@@ -28,7 +28,7 @@ kernel void shadow_map(global const Vertex *world, global const Path *paths,
 {
     uint item = get_global_id(0), stratum = item / SHADOW_MAP % SHADOW_STRATA;
     global const ViewRays *view = views + item / SHADOW_MAP / SHADOW_STRATA;
-    Occluders o = {world, paths, nodes, leaves, leaf_nodes};
+    Occluders o = {world, paths, nodes, leaves, leaf_nodes, 0};
     for (uint first = 0; first < SHADOW_MAP; first += LANES) {
         Rays rays = {.ends = false};
         float times[LANES];

@@ -35,13 +35,10 @@ static void load_surface(const Tile *tile, uint path, Surface *surface)
 {
     surface->path = path;
     Shaded *s = &surface->shaded;
-    s->path = tile->scene.paths[path];
-    s->mesh = tile->scene.meshes[s->path.mesh];
-    s->material = tile->scene.materials[s->mesh.material];
+    *s = load_shaded(&tile->scene, path);
     surface->flat = s->material.texture == NONE && !(s->material.flags & MATERIAL_LIT)
                     && s->mesh.color == NONE;
     if (surface->flat) return;
-    s->segment = (s->path.a - s->mesh.vertex) / s->mesh.count;
     s->place.x = tile->x + HALF, s->place.y = tile->y + HALF, s->place.u = s->place.v = 0.0f;
     surface->moving = load_moving(tile, path);
     load_corners(&tile->scene, s);
@@ -115,21 +112,15 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
 
 #ifdef ALPHA_VARIES
 // Alpha of the surface at samples that it covers.
-static Lanes surface_alpha(Tile *tile, const Surface *surface, const Samples *samples)
+static Lanes alpha_at_samples(Tile *tile, const Surface *surface, const Samples *samples)
 {
     const Shaded *s = &surface->shaded;
     Attributes a = surface_attributes(surface, samples);
-    Lanes alpha = vertex_alpha(&a);
-#ifdef TEXTURED
-    if (s->material.texture != NONE) {
-        Texture texture = tile->scene.textures[s->material.texture];
 #ifdef COUNT_TEXELS
-        count_texels(tile, texture, a.u, a.v, LANES);
+    if (s->material.texture != NONE)
+        count_texels(tile, tile->scene.textures[s->material.texture], a.u, a.v, LANES);
 #endif
-        alpha *= texture_at(tile->scene.texels, texture, a.u, a.v, 0.0f, LANES).alpha;
-    }
-#endif
-    return counted_alpha(s, alpha);
+    return counted_alpha(s, given_alpha(&tile->scene, s, &a, LANES));
 }
 #endif
 

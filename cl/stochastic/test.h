@@ -18,7 +18,7 @@ static LaneMask there_by_chance(Tile *tile, const Moving *m, const Samples *samp
     if (m->alpha < 0.0f && any_lane(mask)) {
         Surface surface;
         load_surface(tile, m->path, &surface);
-        alpha = surface_alpha(tile, &surface, samples);
+        alpha = alpha_at_samples(tile, &surface, samples);
     }
 #endif
     uint16 seed = mix_lanes(pixel_seeds(tile, block) ^ mix_bits(m->path + 1u));

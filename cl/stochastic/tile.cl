@@ -115,6 +115,9 @@ kernel void tile(
         .owners = (global uint *)part[4], .us = part[5], .vs = part[6],
         .color = pixels + (size_t)worker * PIXEL_VECTORS * SLAB
     };
+#ifdef SHADOWS
+    tile.occluders.scene = &tile.scene;
+#endif
     tile.depth = (global float *)(tile.color + SLAB);
     tile.count = (global uint *)(tile.depth + SLAB);
 #ifdef WEIGHTED

@@ -7,7 +7,7 @@
 #ifndef MB_TRACE_H
 #define MB_TRACE_H
 
-#include "shared/scene.h"
+#include "shared/attributes.h"
 #include "shared/lanes.h"
 
 #define EQUAL_PLACE 1e-12
@@ -20,6 +20,7 @@ typedef struct {
     global const TreeNode *nodes; // a binary tree: those below node i are 2 i and 2 i + 1
     global const uint *leaves;   // LEAF_PATHS paths, or NONE, of each of the lowest nodes
     uint leaf_nodes;             // how many there are; also the first one's place
+    const Scene *scene;          // for alphas that vary; not of a shadow map
 } Occluders;
 
 typedef struct {
@@ -60,8 +61,10 @@ static inline Doubles3 world_at(const Occluders *o, uint vertex, uint step, doub
     return at;
 }
 
-// Which rays meet the path, and where along them.
-static LaneMask rays_meet(const Occluders *o, Path path, const Rays *r, double16 *place)
+// Which rays meet the path, where along them, and where on it: the corners' shares times any
+// number.
+static LaneMask rays_meet(const Occluders *o, Path path, const Rays *r, double16 *place,
+                          double16 *shares)
 {
     double16 tau = (convert_double16(r->t) - path.open) / path_length(path);
     const uint corner[3] = {path.a, path.b, path.c};
@@ -73,6 +76,7 @@ static LaneMask rays_meet(const Occluders *o, Path path, const Rays *r, double16
     double16 e0 = doubles_dot(r->way, doubles_cross(p[1], p[2]));
     double16 e1 = doubles_dot(r->way, doubles_cross(p[2], p[0]));
     double16 e2 = doubles_dot(r->way, doubles_cross(p[0], p[1]));
+    shares[0] = e0, shares[1] = e1, shares[2] = e2;
     double16 facing = doubles_dot(r->way, normal), height = doubles_dot(p[0], normal);
     double16 least = EQUAL_PLACE * doubles_size(normal)
                      * (doubles_size(r->from) + doubles_size(p[0]));
@@ -128,8 +132,25 @@ static inline bool some_lane(LaneMask mask)
     return (any.x | any.y | any.z | any.w) != 0;
 }
 
-// Share of light that passes along each ray, which starts on the path `own`. What is translucent
-// lets the share 1 - alpha pass.
+// Share of the light that the path lets through where the rays meet it: 1 - alpha.
+static Lanes passed_share(const Occluders *o, uint index, const Rays *r, const double16 *shares)
+{
+    Path path = o->paths[index];
+#ifdef ALPHA_VARIES
+    if (path.alpha < 0.0f) {
+        double16 sum = (shares[0] + shares[1]) + shares[2];
+        Lanes tau = (r->t - path.open) / path_length(path), weights[6];
+        for (int i = 0; i < 3; i++) {
+            Lanes share = convert_float16(sum != 0.0 ? shares[i] / sum : (double16)(1.0 / 3.0));
+            weights[i] = share * (1.0f - tau), weights[i + 3] = share * tau;
+        }
+        return 1.0f - alpha_at_weights(o->scene, index, weights, LANES);
+    }
+#endif
+    return (Lanes)(1.0f - path.alpha);
+}
+
+// Share of light that passes along each ray, which starts on the path `own`.
 static Lanes light_share(const Occluders *o, const Rays *rays, uint own)
 {
     FloatRays f = float_rays(rays);
@@ -148,10 +169,10 @@ static Lanes light_share(const Occluders *o, const Rays *rays, uint own)
         for (int k = 0; k < LEAF_PATHS; k++) {
             uint index = o->leaves[(node - o->leaf_nodes) * LEAF_PATHS + k];
             if (index == NONE || index == own) continue;
-            Path path = o->paths[index];
-            double16 place;
-            LaneMask hit = enter & rays_meet(o, path, rays, &place);
-            float passed = path.alpha < 0.0f ? 0.0f : 1.0f - path.alpha;
+            double16 place, shares[3];
+            LaneMask hit = enter & rays_meet(o, o->paths[index], rays, &place, shares);
+            if (!some_lane(hit)) continue;
+            Lanes passed = passed_share(o, index, rays, shares);
             share = hit ? share * passed : share;
         }
     }
@@ -177,8 +198,8 @@ static double16 first_place(const Occluders *o, const Rays *rays)
         for (int k = 0; k < LEAF_PATHS; k++) {
             uint index = o->leaves[(node - o->leaf_nodes) * LEAF_PATHS + k];
             if (index == NONE || o->paths[index].alpha == 0.0f) continue;
-            double16 place;
-            LaneMask hit = enter & rays_meet(o, o->paths[index], rays, &place);
+            double16 place, shares[3];
+            LaneMask hit = enter & rays_meet(o, o->paths[index], rays, &place, shares);
             nearest = (convert_long16(hit) & (place < nearest)) ? place : nearest;
         }
     }
