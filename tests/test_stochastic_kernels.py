@@ -22,20 +22,21 @@ from mbinterval.settings import CULLS
 POINTS = [name for name, small in SMALL.items() if "method" in small.settings]
 
 
-def build(options: tuple[str, ...], file: str = "stochastic/tile.cl") -> str:
+def warns(options: tuple[str, ...], file: str = "stochastic/tile.cl") -> bool:
     import pyopencl as cl
 
     fresh = f"-DNOT_IN_ANY_CACHE={os.getpid()}"  # what comes from a cache has no log
     program = runtime()._build(f'#include "{file}"\n', file, (*options, fresh))
-    return str(program.get_build_info(runtime().device, cl.program_build_info.LOG)).strip()
+    log = program.get_build_info(runtime().device, cl.program_build_info.LOG)
+    return "warning" in log.lower()  # some devices tell of each step
 
 
 @pytest.mark.parametrize("name", POINTS)
 def test_kernels_build_without_a_warning(name, caplog):
     plan = small_plan(SMALL[name])[2]
-    assert build(plan.options) == ""
+    assert not warns(plan.options)
     if "rgss" in plan.stages:
-        assert build(plan.options, "stochastic/rgss.cl") == ""
+        assert not warns(plan.options, "stochastic/rgss.cl")
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
 
 
@@ -44,7 +45,7 @@ def test_every_culling_method_builds_without_a_lens(cull):
     """Those with one are among the small scenes."""
     pattern = "interleave_uvt" if cull == "interleave_uvt" else "sobol"
     settings = mb.Settings(method="stochastic", cull=cull, pattern=pattern)
-    assert build(plan_of(CASES["shared edges"].make(), settings, *SIZE)[2].options) == ""
+    assert not warns(plan_of(CASES["shared edges"].make(), settings, *SIZE)[2].options)
 
 
 def test_nothing_of_roots_or_intervals_is_shared():
