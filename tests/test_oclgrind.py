@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -77,30 +76,14 @@ def checked(python: str, folder: Path, *command: str, reads: bool = True) -> tup
     return log.read_text(), done.stdout + done.stderr
 
 
-@pytest.fixture(scope="module")
-def logs(python: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Log of every scene, and its film in ``logs["folder"]``."""
-    folder = tmp_path_factory.mktemp("logs")
-
-    def run(name: str) -> str:
-        # It takes the samples' scratch for unwritten right after a plain store to it.
-        again = "grow" in name or "shadow" in name
-        reads = not again and "method" not in SCENES[name].settings
-        return checked(python, folder, str(HERE / "oclgrind_scenes.py"), name, reads=reads)[0]
-
-    with ThreadPoolExecutor(2) as pool:
-        found = dict(zip(SCENES, pool.map(run, SCENES), strict=True))
-    return found | {"folder": str(folder)}
-
-
 @pytest.mark.parametrize("name", SCENES)
-def test_kernels_run_clean(name, logs):
-    assert logs[name] == ""
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_another_device_gives_the_same_film(name, logs):
-    other = np.load(Path(logs["folder"]) / f"{name}.npy")
+def test_kernels_run_clean_and_give_the_film_of_another_device(name, python, tmp_path):
+    # It takes the samples' scratch for unwritten right after a plain store to it.
+    again = "grow" in name or "shadow" in name
+    reads = not again and "method" not in SCENES[name].settings
+    log, _ = checked(python, tmp_path, str(HERE / "oclgrind_scenes.py"), name, reads=reads)
+    assert log == ""
+    other = np.load(tmp_path / f"{name}.npy")
     ours = oclgrind_scenes.render(name)
     assert np.isfinite(ours).all()
     # Without fused functions on the way, but with other sines, logarithms and powers.
