@@ -11,7 +11,15 @@ from mbinterval.bench_cases import make_case
 from mbinterval.device.choose import choose_device
 from mbinterval.device.meter import MeteredRuntime
 from mbinterval.scene.generators import fast_cubes
-from mbinterval.study.costs import CURVES, METHODS, at_speed, curve, effects, split_in_four
+from mbinterval.study.costs import (
+    CURVES,
+    METHODS,
+    active_effects,
+    at_speed,
+    curve,
+    effects,
+    split_in_four,
+)
 from mbinterval.study.switches import SWITCHES
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -72,14 +80,12 @@ def test_no_motion_is_a_picture_that_does_not_depend_on_the_shutter(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_an_effect_that_is_switched_off_is_off(path, meter):
-    from mbinterval.study.costs import _plan_of
-
     case = make_case(str(path), width=32, height=24)
-    active = {effect.name for effect in _plan_of(case) if effect.active}
+    active = {effect.name for effect in active_effects(case)}
     for name in active & SWITCHES.keys():
         scene = SWITCHES[name][1](case.scene, case.frame)
-        left = {e.name for e in _plan_of(dataclasses.replace(case, scene=scene)) if e.active}
-        assert name not in left
+        left = active_effects(dataclasses.replace(case, scene=scene))
+        assert name not in {effect.name for effect in left}
 
 
 def test_lens_and_shutter_are_switched_off_too():

@@ -14,7 +14,7 @@ import numpy as np
 from mbinterval.bench import Brevity, measure
 from mbinterval.bench_cases import Case
 from mbinterval.device.meter import MeteredRuntime
-from mbinterval.effects import effects_of
+from mbinterval.effects import Effect, effects_of
 from mbinterval.film import Film
 from mbinterval.motion import lay_out
 from mbinterval.plan import roll_lines
@@ -155,8 +155,8 @@ def effects(
     kept.
     """
     found = [_effect(case, ("", "", "the scene as it is"), rounds, meter, keep)]
-    for effect in _plan_of(case):
-        if not effect.active or effect.name not in SWITCHES:
+    for effect in active_effects(case):
+        if effect.name not in SWITCHES:
             continue
         off, switch = SWITCHES[effect.name]
         without = replace(case, scene=switch(case.scene, case.frame))
@@ -184,11 +184,13 @@ def _effect(
     return entry
 
 
-def _plan_of(case: Case) -> Any:
+def active_effects(case: Case) -> list[Effect]:
+    """Effects that exact time has in the scene, in the order of the pipeline."""
     settings = Settings.from_mapping(METHODS["exact, 1 sample"])
     lines = roll_lines(case.scene, case.width, case.height)
     aspect = case.width / case.height
     exposure = expose(
         *(case.scene, case.frame, aspect, None, lines, settings.motion_error, case.height)
     )
-    return effects_of(exposure, lay_out(exposure, case.width, case.height), settings)
+    found = effects_of(exposure, lay_out(exposure, case.width, case.height), settings)
+    return [effect for effect in found if effect.active]
