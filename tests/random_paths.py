@@ -37,10 +37,18 @@ def pivoting(rng: np.random.Generator, count: int) -> np.ndarray:
     return points
 
 
+def all_but_pivoting(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Triangles that turn about a vertex which rests but for rounding, as a wheel's hub does."""
+    points = deforming(rng, count)
+    points[:, 1, 0] = points[:, 0, 0] * (1.0 + 2.0**-52 * rng.integers(-3, 4, (count, 3)))
+    return points
+
+
 KINDS = {
     "deforming": lambda rng, count: deforming(rng, count),
     "translated": lambda rng, count: translated(rng, count),
     "small and fast": lambda rng, count: small_and_fast(rng, count),
     "pivoting": lambda rng, count: pivoting(rng, count),
+    "all but pivoting": lambda rng, count: all_but_pivoting(rng, count),
     "behind the eye": lambda rng, count: deforming(rng, count, near=-1.0),
 }

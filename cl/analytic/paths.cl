@@ -14,7 +14,8 @@ static double dot_product(double3 a, double3 b) { return a.x * b.x + a.y * b.y +
 
 // Planes through the eye and two of the six corners that have all on one side: what the path
 // covers lies inside all of them, in front of the eye or behind it (DESIGN.md 3.2). Each is pushed
-// outwards by MARGIN pixels, more than its rounding.
+// outwards by MARGIN pixels, more than its rounding. Of two corners that are the same but for
+// rounding, as where a vertex turns in its place, the plane may be anywhere, and is left out.
 #define MARGIN 1e-3
 
 static uint bounding_planes(const double3 *q, int corners, double blur, Shape *shape)
@@ -24,12 +25,14 @@ static uint bounding_planes(const double3 *q, int corners, double blur, Shape *s
         double3 n = cross_product(q[i], q[j]);
         double size = sqrt(dot_product(n, n)), slope = sqrt(n.x * n.x + n.y * n.y);
         double low = 0.0, high = 0.0;
+        bool through = true; // both corners
         for (int k = 0; k < corners; k++) {
-            double side = k == i || k == j ? 0.0 : dot_product(n, q[k]);
+            double side = dot_product(n, q[k]);
             double noise = 1e-13 * size * sqrt(dot_product(q[k], q[k]));
-            low = fmin(low, side + noise), high = fmax(high, side - noise);
+            if (k == i || k == j) through &= fabs(side) <= 0.25 * MARGIN * slope * fabs(q[k].z);
+            else low = fmin(low, side + noise), high = fmax(high, side - noise);
         }
-        if (!(slope > 1e-13 * size) || size == 0.0) continue;
+        if (!through || !(slope > 1e-13 * size) || size == 0.0) continue;
         for (int sign = -1; sign <= 1; sign += 2) {
             if (sign > 0 ? low < 0.0 : high > 0.0) continue;
             double scale = sign / slope;
