@@ -22,6 +22,7 @@ __all__ = [
     "Comparison",
     "DeepImage",
     "DeviceError",
+    "Environment",
     "Events",
     "Film",
     "KernelBuildError",
@@ -30,6 +31,7 @@ __all__ = [
     "MbintervalError",
     "Mesh",
     "OutputError",
+    "Reflections",
     "Scene",
     "SceneError",
     "Settings",
@@ -62,6 +64,7 @@ _HOMES = {
     **dict.fromkeys(_ERRORS, "errors"),
     **dict.fromkeys(("Camera", "Light", "Material", "Mesh", "Scene"), "scene.model"),
     **dict.fromkeys(("Shutter", "Texture"), "scene.model"),
+    **dict.fromkeys(("Environment", "Reflections"), "scene.environment"),
     **dict.fromkeys(("Track", "Transform"), "scene.tracks"),
     "Comparison": "comparison",
     "DeepImage": "deep",
@@ -97,6 +100,7 @@ if TYPE_CHECKING:
     from mbinterval.film import Film
     from mbinterval.images import read_image
     from mbinterval.renderer import render
+    from mbinterval.scene.environment import Environment, Reflections
     from mbinterval.scene.load import load, load_file
     from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
     from mbinterval.scene.tracks import Track, Transform

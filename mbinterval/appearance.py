@@ -52,7 +52,9 @@ def appearance(
     chains = [mip_chain(texture_image(texture, key[1])) for key, texture in textures.items()]
     texels = [level.reshape(-1, 4) for chain in chains for level in chain]
     return Appearance(
-        materials=_material_table(materials, textures),
+        materials=_material_table(
+            materials, textures, any(light.kind != "ambient" for light in lights)
+        ),
         textures=_texture_table(list(textures.values()), chains),
         texels=np.concatenate(texels) if texels else np.zeros((0, 4), np.float32),
         lights=_light_table(lights, np.zeros(3) if origin is None else origin, casters),
@@ -151,8 +153,9 @@ def _resampled(image: NDArray[Any], axis: int, size: int) -> NDArray[Any]:
 
 
 def _material_table(
-    materials: Sequence[Material], textures: Mapping[TextureKey, Texture]
+    materials: Sequence[Material], textures: Mapping[TextureKey, Texture], shining: bool
 ) -> NDArray[np.void]:
+    """Table of ``materials``; ``shining`` says whether any light makes highlights."""
     index = {key: place for place, key in enumerate(textures)}
     table = np.zeros(len(materials), records.MATERIAL)
     for row, material in zip(table, materials, strict=True):
@@ -165,7 +168,7 @@ def _material_table(
         )
         for name, (texture, counts) in _uses_of(material).items():
             row[name] = index.get((id(texture), counts), records.NONE)
-        row["cutoff"], row["turn"] = material.alpha_cutoff, _turn(material)
+        row["cutoff"], row["turn"] = material.alpha_cutoff, _turn(material) if shining else np.inf
         row["metallic"], row["roughness"] = material.metallic, material.roughness
         row["emission"] = material.emission
     return table

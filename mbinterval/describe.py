@@ -6,12 +6,13 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from mbinterval.cube_maps import environment_size, map_texels
 from mbinterval.device.runtime import Runtime, runtime
 from mbinterval.errors import DeviceError
 from mbinterval.memory import buffer_bytes, textures_of
 from mbinterval.motion import Motion, lay_out
 from mbinterval.plan import Crop, Plan, check_crop, make_plan, roll_lines
-from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.scene.exposure import Exposure, expose, reflecting
 from mbinterval.scene.mesh_exposure import MeshExposure
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
@@ -57,6 +58,7 @@ def describe(
         lines.append(f"  {'on ' if effect.active else 'off'} {effect.name}: {effect.reason}")
     lines += _mesh_lines(scene, exposure)
     lines += [f"lights: {_lights(exposure, motion)}", f"textures: {_textures(motion)}"]
+    lines += _cube_maps(exposure, plan)
     lines.append(f"stages: {' '.join(plan.stages)}")
     lines.append(f"kernel options: {' '.join(plan.options)}")
     lines.append(
@@ -149,6 +151,23 @@ def _textures(motion: Motion) -> str:
     ]
     more = [f"and {len(used) - _MOST_LISTED} more"] if len(used) > _MOST_LISTED else []
     return ", ".join(texts + more) or "none"
+
+
+def _cube_maps(exposure: Exposure, plan: Plan) -> list[str]:
+    """What cube maps the frame needs, and what they cost: memory, and pictures to render."""
+    if "cube_map" not in plan.stages:
+        return []
+    texts, texels = [], 0
+    if exposure.environment is not None:
+        size = environment_size(exposure.environment)
+        texels += map_texels(size)
+        texts.append(f"the environment's, 6 x {size + 1} x {size + 1} texels")
+    for asked, meshes in reflecting(exposure).items():
+        name = meshes[0].mesh.name or f"mesh {meshes[0].index}"
+        texels += asked.times * map_texels(asked.size)
+        pictures = f"{6 * asked.times} pictures of {asked.size + 1} x {asked.size + 1} pixels"
+        texts.append(f"of {name}, up to {pictures} rendered before the frame")
+    return [f"cube maps: {'; '.join(texts)}; with all levels {16 * texels / 2**20:.1f} MiB"]
 
 
 def _device_lines(motion: Motion, plan: Plan, device: Any) -> list[str]:

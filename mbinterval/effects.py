@@ -15,6 +15,7 @@ from mbinterval.alpha import has_vertex_alpha, is_translucent, varies
 from mbinterval.aovs import MACROS, MOMENTARY, RECORDED
 from mbinterval.appearance import casting
 from mbinterval.sampling import filter_of, pattern_of
+from mbinterval.scene.exposure import reflecting
 from mbinterval.settings import Settings
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
         *_geometry(motion),
         *_transparency(exposure),
         *_shading(exposure, motion, settings),
+        *_around(exposure, motion, settings),
         _over_time(motion, settings, moving),
         _footprint(motion, settings),
         *_film(exposure, settings),
@@ -164,6 +166,28 @@ def _shading(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
     )  # fmt: skip
 
 
+def _around(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:
+    around, lit = exposure.environment, any(m.shading != "unlit" for m in motion.materials)
+    light = "the scene has none"
+    behind = light
+    if around is not None:
+        light = f"an image of {around.image.shape[1]} x {around.image.shape[0]} pixels"
+        behind = light if around.background else "background=False"
+        light = light if lit else "nothing reflects it"
+        if settings.transparent:
+            behind = "the film is transparent"
+    seen = around is not None and around.background and not settings.transparent
+    asked = reflecting(exposure)
+    names = _named("mesh", [mesh.mesh.name for meshes in asked.values() for mesh in meshes])
+    pictures = sum(6 * reflections.times for reflections in asked)
+    return (
+        Effect("light of the environment", around is not None and lit, light, "ENVIRONMENT"),
+        Effect("environment as background", seen, behind, "SKY"),
+        Effect("reflections of surroundings", bool(asked),
+               f"{names}, up to {pictures} pictures" if asked else names, "REFLECTIONS"),
+    )  # fmt: skip
+
+
 def _over_time(motion: Motion, settings: Settings, moving: bool) -> Effect:
     varying = any(m.shading != "unlit" or m.textures for m in motion.materials) or motion.color.size
     fixed = settings.shading_times
@@ -182,6 +206,8 @@ def _footprint(motion: Motion, settings: Settings) -> Effect:
 def _film(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     image = not isinstance(exposure.background, tuple)
     behind = "the scene has one" if image else "a constant colour"
+    if image and exposure.sky:
+        image, behind = False, "the environment is seen"
     if image and settings.transparent:
         behind = "the film is transparent"
     asked = "asked for" if settings.transparent else "not asked for"

@@ -19,6 +19,7 @@ from mbinterval.atomic import replacing
 from mbinterval.checks import shown
 from mbinterval.errors import OutputError, SceneError
 from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_exr
+from mbinterval.radiance import decode_radiance
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -45,7 +46,7 @@ def undecoded(image: Float32) -> Float32:
 
 
 def read_image(path: str | Path) -> Float32:
-    """Read a texture or a background from a PNG, JPEG, EXR or other image file.
+    """Read a texture, a background or an environment from a PNG, JPEG, EXR, HDR or other file.
 
     Returns
     -------
@@ -67,6 +68,8 @@ def read_image(path: str | Path) -> Float32:
         data = path.read_bytes()
     except OSError as error:
         raise SceneError(f"image {path}: {error.strerror or error}") from error
+    if data.startswith(b"#?"):
+        return decode_radiance(data, str(path))
     return decode_image(data, str(path))
 
 

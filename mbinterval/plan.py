@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 _SAMPLES_AT_A_TIME = 1024
 _POOL_RECORDS = 65536
+AROUND = frozenset(("ENVIRONMENT", "SKY", "REFLECTIONS"))
+"""Macros of effects that need cube maps: stage "cube_map" makes them."""
 
 Crop = tuple[int, int, int, int]
 
@@ -97,6 +99,8 @@ def make_plan(
         )
     if "SHADOWS" in active and settings.paths != "exact":
         raise UsageError("shadows need paths='exact'; use that, or shadows='off'")
+    if "REFLECTIONS" in active and settings.paths != "exact":
+        raise UsageError("reflections of surroundings need paths='exact'; use that, or none")
     if exposure.roll is not None and set(FLOWS) & set(settings.aovs):
         raise UsageError(
             "aovs: forward and backward need all lines of a frame at one time, but the shutter "
@@ -134,6 +138,7 @@ def make_plan(
         region=_around(crop, width, height) if "FIVE_POINT" in active else crop,
         effects=effects,
         stages=(
+            *(("cube_map",) if active & AROUND else ()),
             "paths",
             "bin",
             *(("place",) if "PLACED" in active else ()),

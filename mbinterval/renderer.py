@@ -5,13 +5,21 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from mbinterval.checks import number, shown, whole_number
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
+
+if TYPE_CHECKING:
+    from mbinterval.device.runtime import Runtime
+    from mbinterval.motion import Motion
+    from mbinterval.plan import Plan
+    from mbinterval.scene.exposure import Exposure
+    from mbinterval.work import Pixels
 
 
 def render(
@@ -93,6 +101,8 @@ def render(
     exposed = time.perf_counter() - started
     run = render_analytic if settings.method == "analytic" else render_stochastic
     try:
+        motion, mapped = _add_cube_maps(on, scene, exposure, motion, plan, lines, run)
+        check_memory(motion, plan, memory)
         pixels = run(on, exposure, motion, plan, progress)
     except BaseException:
         on.queue.finish()  # kernels in flight use buffers that go with the interrupted frames
@@ -103,7 +113,7 @@ def render(
         rgba=pixels.rgba,
         depth=pixels.depth,
         intervals=pixels.intervals,
-        timings={"expose": exposed, **pixels.timings},
+        timings={"expose": exposed, **mapped, **pixels.timings},
         stats=pixels.stats,
         resolution=(width, height),
         origin=region[:2],
@@ -113,6 +123,28 @@ def render(
         notes=exposure.notes + flow_notes(scene, settings) + ids.notes(scene, settings.aovs),
         device=on.device.name.strip(),
     )
+
+
+def _add_cube_maps(
+    on: Runtime,
+    scene: Scene,
+    exposure: Exposure,
+    motion: Motion,
+    plan: Plan,
+    lines: int,
+    run: Callable[..., Pixels],
+) -> tuple[Motion, dict[str, float]]:
+    """Stage "cube_map": the environment's map, and those of what objects mirror; its seconds."""
+    from mbinterval.reflections import add_cube_maps, surroundings
+
+    if "cube_map" not in plan.stages:
+        return motion, {}
+    started = time.perf_counter()
+    pictures = []
+    if "-DREFLECTIONS" in plan.options:
+        pictures = surroundings(on, scene, exposure, plan, lines, partial(run, on))
+    motion = add_cube_maps(on, motion, exposure, plan, pictures)
+    return motion, {"cube_map": time.perf_counter() - started}
 
 
 def _check_arguments(scene: Any, settings: Any, progress: Any) -> None:

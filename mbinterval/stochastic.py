@@ -24,6 +24,7 @@ from mbinterval.scene.exposure import Exposure
 from mbinterval.shadow_tree import prepare_rays
 from mbinterval.stochastic_plan import sample_count
 from mbinterval.work import (
+    CUBE_MAPS,
     Pixels,
     Work,
     add_counts,
@@ -176,6 +177,7 @@ def _run_part(work: Work, queue: NDArray[np.uint32], workers: int, stats: dict[s
     frame = frame_record(plan.region, background)
     kernel = runtime.kernel("stochastic/tile.cl", "tile", plan.options)
     names = (*_ARGUMENTS, *(_SHADOWS if shadow_count(plan) else ()))
+    names += CUBE_MAPS if "cube_map" in plan.stages else ()
     arguments: list[Any] = [buffers[name] for name in names]
     took = seconds(runtime.run(kernel, min(workers, len(queue)), *arguments, grid, frame))
     add_counts(work, TILE_STAGES, _COUNTS, workers, took, stats)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from mbinterval.appearance import casting
 from mbinterval.effects import Effect, effects_of
 from mbinterval.errors import UsageError
-from mbinterval.plan import Crop, Plan, sampling_sizes
+from mbinterval.plan import AROUND, Crop, Plan, sampling_sizes
 from mbinterval.sampling import pattern_of
 from mbinterval.settings import Settings
 
@@ -25,7 +25,7 @@ SLABS = 64
 
 _SHARED = frozenset(
     ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "METALLIC", "EMISSION", "POINT_LIGHTS")
-    + ("SPOT_LIGHTS", "TEXTURED", "VERTEX_COLOR", "SHADOWS")
+    + ("SPOT_LIGHTS", "TEXTURED", "VERTEX_COLOR", "SHADOWS", "ENVIRONMENT", "SKY", "REFLECTIONS")
     + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA")
     + ("FACE_COLOR", "BACKGROUND_IMAGE", "TRANSPARENT", "WEIGHTED", "ROLLING", "ROLLING_COLUMNS")
     + ("",)
@@ -73,6 +73,7 @@ def stochastic_plan(
         region=_region(settings, crop),
         effects=effects,
         stages=(
+            *(("cube_map",) if active & AROUND else ()),
             *("vertices", "bounds", "bin"),
             *(("shadow_map",) if shadow_map else ()),
             *("scatter", "sample", "shade", "resolve"),

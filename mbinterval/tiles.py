@@ -15,6 +15,7 @@ from mbinterval.errors import CapacityError
 from mbinterval.plan import Plan
 from mbinterval.record import EVENTS_FULL, POOLS_FULL, Recorder
 from mbinterval.work import (
+    CUBE_MAPS,
     Work,
     add_counts,
     frame_record,
@@ -167,6 +168,7 @@ def _run_part(
     if "shadow" in plan.stages:
         names[-2:-2] = _SHADOWS
         runtime.fill(buffers["stamps"], 4 * int(buffers["path_count"]) * workers)
+    names += CUBE_MAPS if "cube_map" in plan.stages else ()
     kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)
     arguments = [buffers[name] for name in names]
     if recorder is not None:

@@ -96,7 +96,12 @@ def upload_scene(
     for name, array in arrays.items():
         buffers[name] = runtime.upload(array, name)
     buffers["light_count"], buffers["static_paths"] = len(looks.lights), motion.static_paths
+    buffers["sky_count"] = np.uint32(len(motion.places.get("sky", ())))
     return buffers
+
+
+CUBE_MAPS = ("maps", "map_texels", "sky", "sky_count")
+"""Arguments of kernels where the plan has the stage "cube_map"."""
 
 
 def shadow_count(plan: Plan) -> int:

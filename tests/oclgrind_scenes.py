@@ -17,7 +17,17 @@ import numpy as np
 
 import mbinterval as mb
 from mbinterval.aovs import RECORDED
-from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
+from mbinterval.scene.model import (
+    Camera,
+    Environment,
+    Light,
+    Material,
+    Mesh,
+    Reflections,
+    Scene,
+    Shutter,
+    Texture,
+)
 from mbinterval.scene.tracks import Track
 
 SIZE = (13, 9)
@@ -67,6 +77,21 @@ def seen_through() -> list[Mesh]:
     ]
 
 
+def mirrors() -> list[Mesh]:
+    """Metals that mirror the environment and their own surroundings, moving and at rest; glass."""
+    rng = np.random.default_rng(4)
+    metal = {"shading": "metallic_roughness", "metallic": 1.0}
+    rough, chrome = Material("rough", **metal), Material("chrome", roughness=0.0, **metal)
+    asked = Reflections(size=16, times=2)
+    return [
+        triangles(2, material=rough, normals=rng.normal(size=(6, 3))),
+        triangles(3, material=chrome, reflections=asked),
+        triangles(2, moving=False, material=chrome, reflections=asked),
+        triangles(2, moving=False, material=Material("clay")),
+        triangles(2, material=Material("glass", shading="unlit", opacity=0.5)),
+    ]
+
+
 def glassy_crowd() -> list[Mesh]:
     return [triangles(60, material=Material("glass", shading="unlit", opacity=0.1))]
 
@@ -98,6 +123,7 @@ class Small:
 
 POINTS = {"method": "stochastic"}
 LAYERS = ("sharp", "depth", "normal", "uv", "object", "operations")
+SKY = {"environment": Environment(np.random.default_rng(6).uniform(0, 1, (4, 8, 3)), rotation=40.0)}
 ROLL = Shutter(rolling="left", line_offset=0.01, line_exposure=0.2, curve="triangle")
 LAMPS = (
     Light("ambient", intensity=0.2),
@@ -222,6 +248,10 @@ SCENES = {
                      "clip_space_printed", "trim", "zmax", "zmax_strata", "zmin",
                      "zmin_strata")
     },
+    "environment": Small(mirrors, {"samples": 2}, Camera(**LENS), scene=SKY),
+    "stochastic, environment": Small(
+        mirrors, {"samples": 3, "filter": "mitchell"} | POINTS, Camera(**LENS), scene=SKY
+    ),
     "accumulation": Small(
         colorful, {"method": "accumulation", "slices": 3, "samples": 2, "motion_segments": 1}
     ),
@@ -232,6 +262,20 @@ SCENES = {
         Camera(**LENS),
     ),
 }  # fmt: skip
+
+
+def with_cube_maps(motion: object, exposure: object, plan: object) -> object:
+    """Cube maps of few directions, around objects of pictures of noise."""
+    from mbinterval import cube_maps
+    from mbinterval.device.runtime import runtime
+    from mbinterval.reflections import add_cube_maps
+    from mbinterval.scene.exposure import reflecting
+
+    cube_maps._DIRECTIONS = (2, 2)
+    pictures = [
+        np.random.default_rng(5).uniform(0, 1, (2, 6, 17, 17, 3)) for _ in reflecting(exposure)
+    ]
+    return add_cube_maps(runtime(), motion, exposure, plan, pictures)
 
 
 def plan_of(small: Small) -> tuple[object, object, object]:
@@ -253,7 +297,8 @@ def plan_of(small: Small) -> tuple[object, object, object]:
     motion = add_flow(lay_out(exposure, *SIZE), scene, exposure, settings, *SIZE)
     motion = add_hashes(motion, scene, settings.aovs)
     sizes = {} if small.capacity is None else {"capacity": small.capacity}
-    return exposure, motion, make_plan(exposure, motion, settings, *SIZE, (0, 0, *SIZE), **sizes)
+    plan = make_plan(exposure, motion, settings, *SIZE, (0, 0, *SIZE), **sizes)
+    return exposure, with_cube_maps(motion, exposure, plan), plan
 
 
 def render(name: str) -> np.ndarray:

@@ -208,6 +208,38 @@ def test_lights_without_shadows_leave_no_code_of_them():
     assert "shadows" not in active(none)
 
 
+def test_without_an_environment_there_is_no_code_of_it_and_with_one_what_the_scene_calls_for():
+    """The host has no buffers for it either: they are arguments of the kernel."""
+    names = ("CubeMap", "Sky", "cube_light", "light_around", "sky_behind", "map_texels")
+    clay = [mesh(material=Material("clay")), mesh(False, material=Material("clay"))]
+    chrome = Material("chrome", shading="metallic_roughness", metallic=1.0)
+    sky = mb.Environment(np.ones((4, 8, 3)))
+    unseen = mb.Environment(np.ones((4, 8, 3)), background=False)
+    plain = Scene(meshes=clay, camera=UNIT_CAMERA, lights=[Light("directional")])
+    for method in ("analytic", "stochastic"):
+        without = plan(scene=plain, method=method)
+        lit = plan(scene=dataclasses.replace(plain, environment=unseen), method=method)
+        if method == "analytic":
+            assert builds_without(without, names, "shared/records.h")
+            assert not builds_without(lit, names, "shared/records.h")
+            assert builds_without(lit, ("sky_light", "shares_at"), "shared/records.h")
+        assert set(lit.options) == {*without.options, "-DENVIRONMENT"}
+        assert lit.stages == ("cube_map", *without.stages)
+        seen = plan(mesh(), scene=dataclasses.replace(plain, meshes=[mesh()], environment=sky),
+                    method=method)  # fmt: skip
+        flat = plan(mesh(), method=method)
+        assert set(seen.options) == {*flat.options, "-DSKY"}
+    # Nothing mirrors but metallic-roughness materials, whatever asks for it.
+    asked = dataclasses.replace(clay[0], reflections=mb.Reflections())
+    assert plan(scene=dataclasses.replace(plain, meshes=[asked])).options == plan(
+        scene=dataclasses.replace(plain, meshes=clay[:1])
+    ).options  # fmt: skip
+    mirror = dataclasses.replace(asked, material=chrome)
+    assert "-DREFLECTIONS" in plan(scene=dataclasses.replace(plain, meshes=[mirror])).options
+    clear = dataclasses.replace(plain, meshes=[mesh()], environment=sky)
+    assert plan(scene=clear, transparent=True).stages[0] == "paths"
+
+
 def test_what_is_translucent_has_the_stage_of_stacks_and_only_the_code_that_it_needs():
     planned = plan(mesh(material=GLASS))
     assert planned.stages == ("paths", "bin", "solve", "stack", "shade", "resolve")

@@ -8,11 +8,12 @@ typedef struct {
     float background[3];
 } Frame;
 
-// Colour with coverage over the background of the film's pixel `place`, if the film has one.
+// Colour with coverage over the background of the film's pixel `place`, if the film has one; an
+// environment is in the colour already.
 static inline float4 over_background(float4 color, size_t place, Frame frame,
                                      global const float *background)
 {
-#ifndef TRANSPARENT
+#if !defined(TRANSPARENT) && !defined(SKY)
 #ifdef BACKGROUND_IMAGE
     float3 behind = vload3(place, background);
 #else

@@ -12,12 +12,15 @@
 #ifdef SHADOWS
 #include "analytic/shadow.h"
 #endif
+#ifdef SKY
+#include "analytic/sky.h"
+#endif
 
 #if defined(LIT) || defined(TEXTURED) || defined(VERTEX_COLOR)
 #define VARYING
 #endif
 
-#if defined(STATIC) && !defined(SHADOWS)
+#if defined(STATIC) && !defined(SHADOWS) && !defined(REFLECTIONS)
 #define STILL // what does not move has one colour whenever it is seen
 #endif
 
@@ -68,11 +71,28 @@ static inline float finest_texel(Texture texture, const Attributes *a)
 #endif
 }
 
+#if defined(LIGHT_AROUND) && defined(METALLIC)
+// Whether the directions that are mirrored at times t are no further apart than texels of the cube
+// map are.
+static bool mirrors_closely(const Tile *tile, const Shaded *s, const Attributes *a, Lanes t)
+{
+    CubeMap map = tile->scene.maps[s->mesh.map];
+    if (!(s->material.flags & MATERIAL_METALLIC) || map.levels == 0u) return true;
+    float rough = s->material.gloss_texture == NONE ? s->material.roughness : 0.0f;
+    uint level = min((uint)level_of(&map, (Lanes)(rough * rough)).s0, map.levels - 1u);
+    Lanes3 view = lanes_unit(lanes_scaled(rays_at(s, t), -1.0f));
+    Lanes3 way = mirrored_way(normals_seen(s, a, view), view);
+    Lanes3 turn = {lanes_steps(way.x), lanes_steps(way.y), lanes_steps(way.z)};
+    float texel = SPACING * 2.0f / map.size[level];
+    return lanes_greatest(lanes_dot(turn, turn)) <= texel * texel;
+}
+#endif
+
 // Whether the places, with these attributes, lie close enough together for the rule to be judged by
 // its values: closer than texels are, and than highlights are wide. Where no more are to be had the
 // level grows with the distance.
-static bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a, Instants places,
-                         float *level)
+static bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a, Lanes t,
+                         Instants places, float *level)
 {
     bool close = true;
 #ifdef TEXTURED
@@ -94,6 +114,9 @@ static bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a,
         Lanes3 n = lanes_unit(a->normal);
         Lanes3 turn = {lanes_steps(n.x), lanes_steps(n.y), lanes_steps(n.z)};
         close &= lanes_greatest(lanes_dot(turn, turn)) <= s->material.turn;
+#if defined(LIGHT_AROUND) && defined(METALLIC)
+        close &= mirrors_closely(tile, s, a, t);
+#endif
     }
 #endif
     return close;
@@ -111,7 +134,7 @@ static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Sp
     if (has_footprint(s)) load_span_footprint(tile, s, v, span, &a);
 #endif
 #ifdef SHADING_ERROR
-    if (!close_enough(tile, s, &a, places, &level) && can_refine(places)) return false;
+    if (!close_enough(tile, s, &a, t, places, &level) && can_refine(places)) return false;
 #endif
     Lanes w = 1.0f, across = 0.0f, down = 0.0f; // depth is for what lies near
 #if defined(LIT) && (defined(POINT_LIGHTS) || defined(LENS))
@@ -146,7 +169,7 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
     Varying v = prepare_varying(tile, s, span);
     Instants places = first_places(span);
 #ifdef SHADOWS
-    if (s->path.step == 0) places = (Instants){0, 1, 1}; // only its light changes
+    if (s->path.step == 0 && s->mesh.map == 0u) places = (Instants){0, 1, 1}; // but for its light
 #endif
     float level = span_level(tile, s, &v, span, places.n);
     float4 sum = 0.0f;
@@ -212,6 +235,10 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
             fetch_path(tile, span_path(tile, spans[k]));
         Blended stack = blend_stack(tile, sample, spans + i, size,
                                     (float2)(spans[i].t0, spans[i].t1), place, window);
+#ifdef SKY
+        stack.color += sky_through(tile, sample, (float2)(spans[i].t0, spans[i].t1),
+                                   1.0f - stack.color.w);
+#endif
         color += spans[i].weight * stack.color, depth += spans[i].weight * stack.depth;
     }
 #else
@@ -221,6 +248,9 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
         color += span.weight * (float4)(span_color(tile, sample, span, place, window), 1.0f);
         depth += span.weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
     }
+#endif
+#ifdef SKY
+    color += sky_behind(tile, sample, spans, count);
 #endif
     tile->color[pixel] += weight_of(tile, sample) * color;
     tile->depth[pixel] += weight_of(tile, sample) * depth;
@@ -239,6 +269,9 @@ static void add_moment(Tile *tile, int sample, int pixel, global const Span *spa
 #ifdef TRANSLUCENT
         Blended stack = blend_stack(tile, sample, spans + i, stack_size(spans + i, count - i),
                                     (float2)(t), place, window);
+#ifdef SKY
+        stack.color += sky_through(tile, sample, (float2)(t), 1.0f - stack.color.w);
+#endif
         tile->sharp[pixel] += weight_of(tile, sample) * stack.color;
         return;
 #endif
@@ -247,6 +280,24 @@ static void add_moment(Tile *tile, int sample, int pixel, global const Span *spa
         tile->sharp[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
         return;
     }
+#ifdef SKY
+    tile->sharp[pixel] += weight_of(tile, sample) * sky_through(tile, sample, (float2)(t), 1.0f);
+#endif
+}
+#endif
+
+#if !defined(MOVING) && !defined(SHADOWS)
+// Add what a sample sees that sees no surface.
+static void add_open(Tile *tile, int sample, int pixel)
+{
+#ifdef SKY
+    float4 light = sky_behind(tile, sample, 0, 0u);
+    tile->color[pixel] += weight_of(tile, sample) * light;
+#ifdef AOV_SHARP
+    light = sky_through(tile, sample, (float2)(moment_in(window_of(tile, sample))), 1.0f);
+    tile->sharp[pixel] += weight_of(tile, sample) * light;
+#endif
+#endif
 }
 #endif
 
@@ -265,7 +316,10 @@ static void shade_sample(Tile *tile, int row, int column)
 #endif
     tile->count[pixel] += tile->met[sample];
 #elif defined(STATIC) // an empty scene has neither
-    if (!(tile->static_depth[sample] < INFINITY)) return;
+    if (!(tile->static_depth[sample] < INFINITY)) {
+        add_open(tile, sample, pixel);
+        return;
+    }
     Span always = {0.0f, 1.0f, 1.0f, tile->static_part[sample] >> PART_BITS};
     Place place = place_of(tile, sample);
     float3 color = span_color(tile, sample, always, place, window_of(tile, sample));
@@ -275,6 +329,8 @@ static void shade_sample(Tile *tile, int row, int column)
     tile->sharp[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
 #endif
     tile->count[pixel]++;
+#else
+    add_open(tile, sample, pixel);
 #endif
 }
 

@@ -57,7 +57,7 @@ static Colors surface_color(const Tile *tile, const Shaded *s, Attributes *a, fl
 #ifdef METALLIC
         load_gloss(&tile->scene, s, a, level, count);
 #endif
-        color = reflect_light(&tile->scene, s, a, color, t, w, across, down);
+        color = reflect_light(&tile->scene, s, a, color, t, w, across, down, count);
 #ifdef EMISSION
         color = with_emission(&tile->scene, s, a, color, level, count);
 #endif

@@ -224,6 +224,10 @@ kernel void tile(
     uint path_count, global Step *steps,
 #endif
     global Span *spans,
+#ifdef CUBE_MAPS
+    global const CubeMap *maps, global const float4 *map_texels, global const Sky *sky,
+    uint sky_count,
+#endif
 #ifdef RECORDED
     global Event *events, global uint *event_count, global uint *event_end, uint event_capacity,
 #endif
@@ -242,6 +246,10 @@ kernel void tile(
         .seed = grid.seed, .roll_start = grid.roll_start,
         .roll_step = grid.roll_step, .roll_length = grid.roll_length
     };
+#ifdef CUBE_MAPS
+    scene.maps = maps, scene.map_texels = map_texels;
+    scene.sky = sky, scene.sky_count = sky_count;
+#endif
     Tile tile = {
         .shapes = shapes,
         .static_paths = grid.static_paths,

@@ -4,6 +4,9 @@
 
 #include "shared/scene.h"
 #include "shared/shading.h"
+#ifdef LIGHT_AROUND
+#include "shared/environment.h"
+#endif
 
 #if defined(LENS) || defined(STOCHASTIC) || defined(STATIC)
 #define VIEW_VARIES // samples of one surface don't look along one ray
@@ -311,15 +314,30 @@ static void load_view(const Scene *scene, Shaded *s)
     }
 }
 
+// Rays through the place at times t of the shutter.
+static inline Lanes3 rays_at(const Shaded *s, Lanes t)
+{
+    Lanes3 ray = {s->ray[0].x, s->ray[0].y, s->ray[0].z};
+    return lanes_added(ray, (t - s->path.open) * (1.0f / path_length(s->path)),
+                       s->ray[1] - s->ray[0]);
+}
+
+// Unit normals, turned to the viewer where both sides are seen.
+static inline Lanes3 normals_seen(const Shaded *s, const Attributes *a, Lanes3 view)
+{
+    Lanes3 normal = lanes_unit(a->normal);
+    if (s->material.flags & MATERIAL_SINGLE_SIDED) return normal;
+    return lanes_scaled(normal, lanes_dot(normal, view) < 0.0f ? (Lanes)(-1.0f) : (Lanes)(1.0f));
+}
+
 // Reflected light at times t of the shutter and depths w, of what is seen at (across, down) from
-// the place of `s`, in pixels.
+// the place of `s`, in pixels; `count` of them matter.
 static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attributes *a, Lanes3 color,
-                            Lanes t, Lanes w, Lanes across, Lanes down)
+                            Lanes t, Lanes w, Lanes across, Lanes down, int count)
 {
     Lanes tau = (t - s->path.open) * (1.0f / path_length(s->path));
-    Lanes3 ray = {s->ray[0].x, s->ray[0].y, s->ray[0].z};
+    Lanes3 ray = rays_at(s, t);
     Lanes3 position = {s->eye[0].x, s->eye[0].y, s->eye[0].z};
-    ray = lanes_added(ray, tau, s->ray[1] - s->ray[0]);
     position = lanes_added(position, tau, s->eye[1] - s->eye[0]);
 #ifdef VIEW_VARIES
     global const double *m = segment_camera(scene, s, 0)->inverse;
@@ -330,20 +348,22 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
     ray = lanes_added(ray, tau * down, (float3)(n[1] - m[1], n[4] - m[4], n[7] - m[7]));
 #endif
     position.x += w * ray.x, position.y += w * ray.y, position.z += w * ray.z;
-    Lanes3 view = lanes_unit(lanes_scaled(ray, -1.0f)), normal = lanes_unit(a->normal);
-    if (!(s->material.flags & MATERIAL_SINGLE_SIDED))
-        normal = lanes_scaled(normal, lanes_dot(normal, view) < 0.0f ? (Lanes)(-1.0f)
-                                                                      : (Lanes)(1.0f));
+    Lanes3 view = lanes_unit(lanes_scaled(ray, -1.0f)), normal = normals_seen(s, a, view);
 #ifdef METALLIC
     const Gloss *gloss = s->material.flags & MATERIAL_METALLIC ? &a->gloss : 0;
 #else
     const Gloss *gloss = 0;
 #endif
-    return reflected(&s->material, gloss, color, position, normal, view, scene->lights,
+    Lanes3 sum = reflected(&s->material, gloss, color, position, normal, view, scene->lights,
 #ifdef SHADOWS
-                     a->lit,
+                           a->lit,
 #endif
-                     scene->light_count);
+                           scene->light_count);
+#ifdef LIGHT_AROUND
+    Lanes3 around = light_around(scene, s->mesh.map, gloss, color, normal, view, t, count);
+    sum.x += around.x, sum.y += around.y, sum.z += around.z;
+#endif
+    return sum;
 }
 #endif
 

@@ -65,6 +65,7 @@ typedef struct {
     uint material;
     uint camera;
     uint first;
+    uint map;      // what it mirrors, among the cube maps
 } Mesh;
 
 #define NONE 0xffffffffu
@@ -260,6 +261,28 @@ typedef struct {
     float low[3], high[3];
     float open, close;
 } TreeNode;
+
+#define MAP_LEVELS 12
+
+// Light from all directions: cube maps, level 0 sharp and the others as rougher and rougher surfaces
+// mirror it, for each of `times` equal parts of the shutter (cl/shared/cube_map.h). Nothing is in
+// one without levels.
+typedef struct {
+    uint levels, times;
+    uint stride;            // texels from one part of the shutter to the next
+    uint irradiance;        // first texel of the cube for Lambert's surfaces
+    uint first[MAP_LEVELS]; // texel of each level
+    uint size[MAP_LEVELS];  // steps along the edge of a face: one texel less than it has
+} CubeMap;
+
+// The camera over a part of the shutter, for what is infinitely far: a pixel (X, Y) sees it in the
+// direction start (X, Y, 1), row by row, at its beginning, `end` likewise, and linearly between. A
+// point of the lens moves it by (u, v) times `blur` pixels.
+typedef struct {
+    float open, close;
+    float start[9], end[9];
+    float blur_start, blur_end;
+} Sky;
 
 // A run of records that belongs to one sample.
 typedef struct {

@@ -8,6 +8,14 @@
 #define LIT // surfaces reflect light
 #endif
 
+#if defined(ENVIRONMENT) || defined(REFLECTIONS)
+#define LIGHT_AROUND // surfaces reflect what cube maps hold
+#endif
+
+#if defined(LIGHT_AROUND) || defined(SKY)
+#define CUBE_MAPS
+#endif
+
 typedef struct {
     global const Vertex *vertices;
     global const Path *paths;
@@ -26,6 +34,12 @@ typedef struct {
     global const ShutterKey *shutter;
     uint seed;
     float roll_start, roll_step, roll_length; // of a rolling shutter's lines, in the shutter's time
+#ifdef CUBE_MAPS
+    global const CubeMap *maps;       // the environment, then those of objects
+    global const float4 *map_texels;  // what facets reflect (environment.h), and those of maps
+    global const Sky *sky;            // the camera, for what lies behind all
+    uint sky_count;
+#endif
 } Scene;
 
 // A sample: its place in the frame, in pixels, and the point of the lens that it looks through.

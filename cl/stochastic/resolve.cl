@@ -7,11 +7,11 @@ typedef struct {
     float background[3];
 } Frame;
 
-// Background behind a pixel's mean colour.
+// Background behind a pixel's mean colour; an environment is in the colour already.
 static float4 over_background(float4 color, size_t out, const Frame *frame,
                               global const float *background)
 {
-#ifndef TRANSPARENT
+#if !defined(TRANSPARENT) && !defined(SKY)
 #ifdef BACKGROUND_IMAGE
     float3 behind = vload3(out, background);
 #else

@@ -100,7 +100,7 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
 #ifdef METALLIC
         load_gloss(&tile->scene, s, &a, 0.0f, count);
 #endif
-        color = reflect_light(&tile->scene, s, &a, color, samples->t, w, across, down);
+        color = reflect_light(&tile->scene, s, &a, color, samples->t, w, across, down, count);
 #ifdef EMISSION
         color = with_emission(&tile->scene, s, &a, color, 0.0f, count);
 #endif

@@ -5,6 +5,9 @@
 #include "stochastic/scatter.cl"
 #include "stochastic/cull/cull.h"
 #include "stochastic/shade.cl"
+#ifdef SKY
+#include "stochastic/sky.h"
+#endif
 #include "stochastic/resolve.cl"
 
 // What a work-item counts: ticks of each stage, then its statistics.
@@ -47,6 +50,9 @@ static void render_tile(Tile *tile, global ulong *ticks)
         sample(tile);
         clocked(SAMPLE, ticks, &clock);
         shade(tile);
+#ifdef SKY
+        add_sky(tile);
+#endif
         clocked(SHADE, ticks, &clock);
     }
 }
@@ -89,6 +95,10 @@ kernel void tile(
     global const TreeNode *tree, global const uint *leaves, uint leaf_nodes,
     global const LightView *light_views, global const float *shadow_map,
 #endif
+#ifdef CUBE_MAPS
+    global const CubeMap *maps, global const float4 *map_texels, global const Sky *sky,
+    uint sky_count,
+#endif
     TileGrid grid, Frame frame)
 {
     uint worker = get_global_id(0);
@@ -117,6 +127,10 @@ kernel void tile(
     };
 #ifdef SHADOWS
     tile.occluders.scene = &tile.scene;
+#endif
+#ifdef CUBE_MAPS
+    tile.scene.maps = maps, tile.scene.map_texels = map_texels;
+    tile.scene.sky = sky, tile.scene.sky_count = sky_count;
 #endif
     tile.depth = (global float *)(tile.color + SLAB);
     tile.count = (global uint *)(tile.depth + SLAB);

@@ -25,7 +25,7 @@ PATH = np.dtype(
 MESH = np.dtype(
     [("vertex", "u4"), ("count", "u4"), ("uv", "u4"), ("uv_step", "u4")]
     + [("normal", "u4"), ("normal_step", "u4"), ("color", "u4"), ("color_step", "u4")]
-    + [("material", "u4"), ("camera", "u4"), ("first", "u4")]
+    + [("material", "u4"), ("camera", "u4"), ("first", "u4"), ("map", "u4")]
 )
 MATERIAL = np.dtype(
     [("specular", "f4", 3), ("shininess", "f4"), ("flags", "u4"), ("texture", "u4")]
@@ -80,6 +80,15 @@ OUTLINE = np.dtype(
     [(name, "f4", _MAX_PLANES) for name in "abc"] + [("near", "f4"), ("unused", "f4", 7)]
 )
 VIEW_RAYS = np.dtype([("from", "f8", 9), ("way", "f8", 9), ("depth", "f8")])
+MAP_LEVELS = 12
+CUBE_MAP = np.dtype(
+    [("levels", "u4"), ("times", "u4"), ("stride", "u4"), ("irradiance", "u4")]
+    + [("first", "u4", MAP_LEVELS), ("size", "u4", MAP_LEVELS)]
+)
+SKY = np.dtype(
+    [("open", "f4"), ("close", "f4"), ("start", "f4", 9), ("end", "f4", 9)]
+    + [("blur_start", "f4"), ("blur_end", "f4")]
+)
 TREE_NODE = np.dtype([("low", "f4", 3), ("high", "f4", 3), ("open", "f4"), ("close", "f4")])
 SORTING = np.dtype(("V", 4 * 9))
 """Scratch of the sort for one interval: nine words, in nine arrays (``SORT_ARRAYS``)."""
@@ -122,6 +131,8 @@ BY_NAME = {
     "LightView": LIGHT_VIEW,
     "Outline": OUTLINE,
     "ViewRays": VIEW_RAYS,
+    "CubeMap": CUBE_MAP,
+    "Sky": SKY,
     "TreeNode": TREE_NODE,
     "Run": RUN,
 }

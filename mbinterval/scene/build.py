@@ -20,9 +20,11 @@ from mbinterval.scene.gltf import read_gltf
 from mbinterval.scene.meshes import read_mesh_file
 from mbinterval.scene.model import (
     Camera,
+    Environment,
     Light,
     Material,
     Mesh,
+    Reflections,
     Scene,
     Shutter,
     Texture,
@@ -31,11 +33,13 @@ from mbinterval.scene.model import (
 from mbinterval.scene.primitives import PRIMITIVES
 from mbinterval.scene.schema import (
     CameraTable,
+    EnvironmentTable,
     GeneratorTable,
     MaterialTable,
     ObjectTable,
     SceneTable,
     ShutterTable,
+    Table,
     TransformTable,
 )
 from mbinterval.scene.tracks import Track, Transform, quaternion_product
@@ -72,6 +76,7 @@ def build_scene(table: SceneTable, file: str) -> tuple[Scene, tuple[Path, ...]]:
         asset = attempt(place, partial(_object, item, fps, textures))
         assets += [asset] if asset is not None else []
     background = attempt("background", lambda: _background(table, scene))
+    environment = attempt("environment", lambda: _environment(table.environment))
     own = [
         Viewpoint(camera)
         for path, item in _camera_tables(table)
@@ -102,6 +107,7 @@ def build_scene(table: SceneTable, file: str) -> tuple[Scene, tuple[Path, ...]]:
         notes=(*scene.notes, *(note for asset in assets for note in asset.notes), *camera_notes),
         animation=_animation(assets),
         cameras=cameras,
+        environment=environment,
     )
     return built, _files(table, assets)
 
@@ -111,11 +117,12 @@ def _files(table: SceneTable, assets: Sequence[Asset]) -> tuple[Path, ...]:
     materials = [item.material for item in table.objects if item.material is not None]
     images = [getattr(material, name) for material in materials for name in _TEXTURES]
     background = table.background if isinstance(table.background, Path) else None
-    named = [*(file for asset in assets for file in asset.files), *images, background]
+    around = None if table.environment is None else table.environment.file
+    named = [*(file for asset in assets for file in asset.files), *images, background, around]
     return tuple(dict.fromkeys(path for path in named if path is not None))
 
 
-_OBJECT = re.compile(r"(?:mesh|light|camera|shutter)(?: '[^']*')?: ")
+_OBJECT = re.compile(r"(?:mesh|light|camera|shutter|environment)(?: '[^']*')?: ")
 _FIELD = re.compile(r"(\w+)(?:=|: | (?=is |has |have |holds? ))")
 
 
@@ -145,6 +152,18 @@ def _background(table: SceneTable, scene: Scene) -> Any:
     if isinstance(table.background, Path):
         return read_image(table.background)[..., :3]
     return scene.background if table.background is None else table.background
+
+
+def _environment(table: EnvironmentTable | None) -> Environment | None:
+    if table is None:
+        return None
+    given = table.model_dump(exclude={"file"}, exclude_none=True)
+    try:
+        return Environment(read_image(table.file), **given)
+    except SceneError as error:
+        text = str(error).removeprefix("environment: ")
+        named = text if str(table.file) in text else f"{table.file}: {text}"
+        raise SceneError(f"environment: file: {named}") from None
 
 
 def _generated(table: GeneratorTable | None) -> Scene:
@@ -198,9 +217,18 @@ def _object(item: ObjectTable, fps: float, textures: _Textures) -> Asset:
         asset = read_usd(item.file, item.fps or fps, root)
     else:
         asset = read_mesh_file(item.file, root)
+    around = None if item.reflections is None else Reflections(**_given(item.reflections))
     return dataclasses.replace(
-        asset, meshes=tuple(_overridden(mesh, item, textures) for mesh in asset.meshes)
+        asset,
+        meshes=tuple(
+            dataclasses.replace(_overridden(mesh, item, textures), reflections=around)
+            for mesh in asset.meshes
+        ),
     )
+
+
+def _given(table: Table) -> dict[str, Any]:
+    return table.model_dump(exclude_none=True)
 
 
 def _own_mesh(item: ObjectTable, root: Transform | None) -> Mesh:

@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.camera import Camera, Shutter
+from mbinterval.scene.environment import Environment, Reflections
 from mbinterval.scene.framing import framing_camera, headlight
 from mbinterval.scene.mesh_exposure import MeshExposure, expose_mesh
 from mbinterval.scene.model import Light, Mesh, Scene, Vector
 from mbinterval.scene.poses import CameraPoses
 from mbinterval.scene.segments import View, choose_segments
 from mbinterval.scene.shutter_times import WHOLE, Stretch, Window, stretches
+from mbinterval.scene.sky import Turning, turnings
 from mbinterval.scene.tracks import Track
 
 Float64 = NDArray[np.float64]
@@ -47,7 +49,8 @@ class Exposure:
 
     A mesh that is exposed in several stretches is in ``meshes`` once for each. ``cameras[K]`` holds
     the camera at K + 1 equally spaced times, for every K in use over the whole shutter; ``camera``
-    is the animated one that they are poses of. ``notes`` say what had to be assumed.
+    is the animated one that they are poses of. ``sky`` is the camera for an ``environment`` that it
+    sees. ``notes`` say what had to be assumed.
     """
 
     frame: float
@@ -60,6 +63,8 @@ class Exposure:
     shutter: Shutter
     roll: Roll | None
     notes: tuple[str, ...] = ()
+    environment: Environment | None = None
+    sky: tuple[Turning, ...] = ()
 
 
 def expose(
@@ -94,7 +99,8 @@ def expose(
     }
     lights = tuple(light.at(frame) for light in scene.lights)
     materials = [mesh.material for mesh in meshes.values()]
-    if not lights and any(m is None or m.shading != "unlit" for m in materials):
+    around = scene.environment
+    if not lights and around is None and any(m is None or m.shading != "unlit" for m in materials):
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
     exposed = tuple(
@@ -120,7 +126,21 @@ def expose(
         shutter=scene.shutter,
         roll=_roll(scene.shutter, scene.fps, lines),
         notes=tuple(notes),
+        environment=around,
+        sky=turnings(view, motion_segments, motion_error)
+        if around is not None and around.background
+        else (),
     )
+
+
+def reflecting(exposure: Exposure) -> dict[Reflections, list[MeshExposure]]:
+    """Meshes that mirror their surroundings, by what asks for it, in the order of the scene."""
+    found: dict[Reflections, list[MeshExposure]] = {}
+    for mesh in sorted(exposure.meshes, key=lambda mesh: mesh.index):
+        asked, material = mesh.mesh.reflections, mesh.mesh.material
+        if asked is not None and material is not None and material.shading == "metallic_roughness":
+            found.setdefault(asked, []).append(mesh)
+    return found
 
 
 def mesh_stretches(mesh: Mesh, window: Window, camera: Camera) -> list[Stretch]:

@@ -21,14 +21,17 @@ from mbinterval.scene import checks
 from mbinterval.scene.camera import Camera, Shutter, Viewpoint
 from mbinterval.scene.checks import Vector, freeze
 from mbinterval.scene.deform import Deformer
+from mbinterval.scene.environment import Environment, Reflections
 from mbinterval.scene.mesh_arrays import check_attribute, check_color, check_faces, check_positions
 from mbinterval.scene.tracks import Placement, Track, check_place
 
 __all__ = [
     "Camera",
+    "Environment",
     "Light",
     "Material",
     "Mesh",
+    "Reflections",
     "Scene",
     "Shutter",
     "Texture",
@@ -250,6 +253,8 @@ class Mesh:
     deformer
         Moves the vertices at any frame, as joints and morph targets do; ``positions`` and
         ``normals`` are then those at rest.
+    reflections
+        Lets it mirror what is around it (`Reflections`); None mirrors the environment alone.
     """
 
     positions: Float64
@@ -266,6 +271,7 @@ class Mesh:
     transform: Placement | None = None
     color_domain: str = "auto"
     deformer: Deformer | None = None
+    reflections: Reflections | None = None
     shading: InitVar[str | None] = None
 
     def __post_init__(self, shading: str | None) -> None:
@@ -292,6 +298,8 @@ class Mesh:
         self._check_segments(where)
         if self.transform is not None:
             check_place(self.transform, f"{where}: transform")
+        if self.reflections is not None:
+            checks.check_kind(self.reflections, Reflections, f"{where}: reflections")
         if self.deformer is not None and self.times > 1:
             raise SceneError(f"{where}: a deformer and positions per time; give one")
 
@@ -346,7 +354,7 @@ class Scene:
     """Everything that is rendered; it can be evaluated at any frame.
 
     ``background`` is a colour, or an image ``(h, w, 3)``, scene-linear, that fills the frame; alpha
-    that `read_image` brings is left out.
+    that `read_image` brings is left out. Where an ``environment`` is seen, it is not.
     ``notes`` are what a reader had to assume; ``mbinterval info`` prints them. ``cameras`` are all
     that a file has, for `through`; ``camera`` is the one in use.
     """
@@ -361,10 +369,14 @@ class Scene:
     notes: tuple[str, ...] = ()
     animation: tuple[float, float] | None = None
     cameras: Sequence[Viewpoint] = ()
+    environment: Environment | None = None
 
     def __post_init__(self) -> None:
         if self.camera is not None:
             checks.check_kind(self.camera, Camera, "scene: camera")
+        if self.environment is not None:
+            remedy = ", made of pixels that mbinterval.read_image reads"
+            checks.check_kind(self.environment, Environment, "scene: environment", remedy)
         checks.check_kind(self.shutter, Shutter, "scene: shutter")
         freeze(
             self,

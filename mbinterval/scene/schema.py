@@ -257,6 +257,22 @@ class MaterialTable(Table):
     alpha_cutoff: NotNegative | None = None
 
 
+class EnvironmentTable(Table):
+    """See `mbinterval.Environment`; a picture of all directions by longitude and latitude."""
+
+    file: File
+    intensity: NotNegative | None = None
+    rotation: float | None = None
+    background: bool | None = None
+
+
+class ReflectionsTable(Table):
+    """See `mbinterval.Reflections`."""
+
+    size: Annotated[int, Field(ge=16, le=1024)] | None = None
+    times: Annotated[int, Field(ge=1, le=64)] | None = None
+
+
 class PrimitiveTable(Table):
     """A simple shape centred on the origin; see `mbinterval.scene.primitives`."""
 
@@ -295,6 +311,7 @@ class ObjectTable(Table):
     shutter_scale: NotNegative | None = None
     visible: bool = True
     visibility: list[VisibilityKey] = Field(default_factory=list)
+    reflections: ReflectionsTable | None = None
 
 
 class GeneratorTable(Table):
@@ -324,6 +341,7 @@ class SceneTable(Table):
     cameras: list[CameraTable] = Field(default_factory=list)
     shutter: ShutterTable | None = None
     lights: list[LightTable] | None = None
+    environment: EnvironmentTable | None = None
     objects: list[ObjectTable] = Field(default_factory=list)
     generator: GeneratorTable | None = None
     settings: dict[str, Any] = Field(default_factory=dict)

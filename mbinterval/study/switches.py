@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mbinterval.scene.model import Camera, Light, Material, Scene, Shutter
+from mbinterval.cube_maps import irradiance
+from mbinterval.scene.model import Camera, Environment, Light, Material, Scene, Shutter, Vector
 from mbinterval.scene.tracks import Track, Transform
 
 
@@ -135,6 +136,34 @@ def _plain_background(scene: Scene, _frame: float) -> Scene:
     return replace(scene, background=tuple(mean.tolist()))
 
 
+def _from_above(environment: Environment) -> Vector:
+    """The light that it sheds on a level floor."""
+    red, green, blue = irradiance(environment, np.array([0.0, 1.0, 0.0])).tolist()
+    return red, green, blue
+
+
+def _no_environment(scene: Scene, _frame: float) -> Scene:
+    around = scene.environment
+    if around is None:
+        return scene
+    mean = _from_above(around)
+    behind = mean if around.background else scene.background
+    lights = [*scene.lights, Light("ambient", color=mean)]
+    return replace(scene, environment=None, lights=lights, background=behind)
+
+
+def _plain_sky(scene: Scene, _frame: float) -> Scene:
+    around = scene.environment
+    if around is None:
+        return scene
+    plain = replace(around, background=False)
+    return replace(scene, environment=plain, background=_from_above(around))
+
+
+def _no_reflections(scene: Scene, _frame: float) -> Scene:
+    return replace(scene, meshes=[replace(mesh, reflections=None) for mesh in scene.meshes])
+
+
 SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "motion": ("everything as it is at the frame", _still),
     "camera motion": ("the camera as it is at the frame", _still_camera),
@@ -152,5 +181,8 @@ SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "texture": ("without textures", _untextured),
     "vertex colour": ("one colour for each material", _one_colour),
     "background image": ("the background's mean colour", _plain_background),
+    "light of the environment": ("light from all sides alike", _no_environment),
+    "environment as background": ("one colour behind everything", _plain_sky),
+    "reflections of surroundings": ("the environment alone mirrored", _no_reflections),
 }
 """What takes each effect (of `mbinterval.effects`) out of a scene: in words, and how."""

@@ -1,0 +1,111 @@
+// The environment where a sample's spans leave it open: its mean over that time, as the camera
+// moves.
+//
+// It is looked up in the middles of equal parts of the time, no further apart than texels are, each
+// weighed with the light that no span takes from it.
+#ifndef MB_ANALYTIC_SKY_H
+#define MB_ANALYTIC_SKY_H
+
+#include "analytic/shutter.h"
+#include "shared/sky.h"
+
+#define SKY_PARTS 16         // of time at least, where the camera moves
+#define MOST_SKY_PARTS 4096
+#define NO_SKY 1e-6f         // openness below which it is rounding
+
+static inline Lanes3 ways_of(const Tile *tile, Place place, Lanes t)
+{
+    return lanes_unit(sky_ways(&tile->scene, t, (Lanes)(place.x), (Lanes)(place.y),
+                               (Lanes)(place.u), (Lanes)(place.v)));
+}
+
+static inline Lanes sky_times(float t0, float t1, int first, int parts)
+{
+    return t0 + (t1 - t0) * ((first + 0.5f + LANE_INDEX) / parts);
+}
+
+// As many parts of the time as texels pass, or one where the camera does not turn.
+static int sky_parts(const Tile *tile, Place place, float t0, float t1)
+{
+    Lanes3 way = ways_of(tile, place, sky_times(t0, t1, 0, LANES));
+    const float *x = (const float *)&way.x, *y = (const float *)&way.y;
+    const float *z = (const float *)&way.z;
+    float turn = 0.0f; // of all but the first and the last half of a sixteenth
+    for (int i = 1; i < LANES; i++)
+        turn += length((float3)(x[i] - x[i - 1], y[i] - y[i - 1], z[i] - z[i - 1]));
+    if (!(turn > 0.0f)) return 1;
+    float texels = 0.5f * turn * (LANES / (LANES - 1.0f)) * tile->scene.maps[0].size[0];
+    return clamp((int)ceil(texels), SKY_PARTS, MOST_SKY_PARTS);
+}
+
+// Whether a span is the first of its stack: the others take the same light.
+static inline bool leads(global const Span *spans, uint i)
+{
+#ifdef TRANSLUCENT
+    return i == 0u || spans[i].t0 != spans[i - 1u].t0;
+#else
+    return true;
+#endif
+}
+
+// Light of the window that passes from t0 to t1 and that none of the spans takes.
+static float light_left(const Tile *tile, float2 window, float t0, float t1,
+                        global const Span *spans, uint count)
+{
+    float before = light_until(&tile->scene, window, t0);
+    float left = light_until(&tile->scene, window, t1) - before;
+    for (uint i = 0; i < count; i++) {
+        float from = fmax(t0, spans[i].t0), to = fmin(t1, spans[i].t1);
+        if (leads(spans, i) && from < to)
+            left -= light_until(&tile->scene, window, to) - light_until(&tile->scene, window, from);
+    }
+    return fmax(left, 0.0f);
+}
+
+// Mean of the environment from t0 to t1 without the spans.
+static float3 sky_between(const Tile *tile, Place place, float2 window, float t0, float t1,
+                          global const Span *spans, uint count)
+{
+    int parts = sky_parts(tile, place, t0, t1);
+    float3 sum = 0.0f;
+    float total = 0.0f, step = (t1 - t0) / parts;
+    for (int first = 0; first < parts; first += LANES) {
+        int here = min(LANES, parts - first);
+        float weight[LANES] = {0.0f};
+        for (int i = 0; i < here; i++)
+            weight[i] = parts == 1 ? 1.0f : light_left(tile, window, t0 + step * (first + i),
+                                                       t0 + step * (first + i + 1), spans, count);
+        Lanes part = vload16(0, weight);
+        if (!(lanes_sum(part) > 0.0f)) continue;
+        Lanes3 way = ways_of(tile, place, sky_times(t0, t1, first, parts));
+        Lanes3 light = sky_light(&tile->scene, way, here);
+        sum += (float3)(lanes_sum(part * light.x), lanes_sum(part * light.y),
+                        lanes_sum(part * light.z));
+        total += lanes_sum(part);
+    }
+    return total > 0.0f ? sum / total : sum;
+}
+
+// What the environment adds to a sample that its spans leave open: times the openness.
+static float4 sky_behind(const Tile *tile, int sample, global const Span *spans, uint count)
+{
+    float open = 1.0f;
+    for (uint i = 0; i < count; i++)
+        if (leads(spans, i)) open -= spans[i].weight;
+    if (!(open > NO_SKY)) return (float4)(0.0f);
+    float2 window = window_of(tile, sample);
+    float3 light = sky_between(tile, place_of(tile, sample), window, window.x, window.y, spans,
+                               count);
+    return (float4)(open * light, 0.0f);
+}
+
+// Likewise through what lets `open` through between two times, which may be one.
+static float4 sky_through(const Tile *tile, int sample, float2 times, float open)
+{
+    if (!(open > NO_SKY)) return (float4)(0.0f);
+    float3 light = sky_between(tile, place_of(tile, sample), window_of(tile, sample), times.x,
+                               times.y, 0, 0u);
+    return (float4)(open * light, 0.0f);
+}
+
+#endif

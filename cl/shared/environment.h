@@ -1,0 +1,100 @@
+// Light from all around on surfaces: what they scatter of it, and what they mirror.
+//
+// Mirrored light is a product of two (Karis 2013, "Real Shading in Unreal Engine 4"): the mean of
+// what lies around the mirrored direction, from a level of a cube map, and what the microfacets
+// reflect of light that is the same from everywhere, from a table.
+#ifndef MB_ENVIRONMENT_H
+#define MB_ENVIRONMENT_H
+
+#include "shared/cube_map.h"
+#include "shared/scene.h"
+#include "shared/shading.h"
+
+#define IRRADIANCE_SIZE 16u // of the cube for Lambert's surfaces
+
+#ifdef METALLIC
+
+#define SHARE_COLUMNS 64 // of the table, from a cosine to the view of 0 to one of 1
+#define SHARE_ROWS 32    // from a roughness of 0 to one of 1
+
+// What facets reflect of light that is the same from everywhere: of white ones and in addition to
+// their own colour; and what Fresnel's term takes from the light that is scattered.
+typedef struct {
+    Lanes factor, added, lost;
+} Shares;
+
+static Shares shares_at(global const float4 *table, Lanes cosine, Lanes roughness, int count)
+{
+    float x[LANES], y[LANES], found[3][LANES];
+    vstore16(cosine * (SHARE_COLUMNS - 1.0f), 0, x);
+    vstore16(roughness * (SHARE_ROWS - 1.0f), 0, y);
+    for (int i = 0; i < LANES; i++) {
+        int from = min(i, count - 1);
+        int column = min((int)x[from], SHARE_COLUMNS - 2), row = min((int)y[from], SHARE_ROWS - 2);
+        global const float4 *corner = table + row * SHARE_COLUMNS + column;
+        float4 share = mix(mix(corner[0], corner[1], x[from] - column),
+                           mix(corner[SHARE_COLUMNS], corner[SHARE_COLUMNS + 1], x[from] - column),
+                           y[from] - row);
+        found[0][i] = share.x, found[1][i] = share.y, found[2][i] = share.z;
+    }
+    return (Shares){vload16(0, found[0]), vload16(0, found[1]), vload16(0, found[2])};
+}
+
+// Level of a map at which light is spread as by facets of that alpha: from 1 on alpha doubles from
+// level to level, to 1 at the last; level 0 is a mirror.
+static inline Lanes level_of(const CubeMap *map, Lanes alpha)
+{
+    Lanes x = alpha * (float)(1u << (max(map->levels, 2u) - 2u));
+    int16 exponent = convert_int16(as_uint16(x) >> 23) - 127;
+    Lanes part = as_float16((as_uint16(x) & 0x007fffffu) | 0x3f800000u); // [1, 2)
+    return x < 1.0f ? x : convert_float16(exponent) + part;
+}
+
+#endif
+
+// The direction that points with these normals mirror to `view`.
+static inline Lanes3 mirrored_way(Lanes3 normal, Lanes3 view)
+{
+    Lanes twice = 2.0f * lanes_dot(normal, view);
+    return (Lanes3){twice * normal.x - view.x, twice * normal.y - view.y,
+                    twice * normal.z - view.z};
+}
+
+// What surfaces reflect to `view` of the light around them at times t: they scatter that of the
+// environment, and mirror that of the cube map `map`. `count` of them matter.
+static Lanes3 light_around(const Scene *scene, uint map, const Gloss *gloss, Lanes3 color,
+                           Lanes3 normal, Lanes3 view, Lanes t, int count)
+{
+    Lanes3 sum = {0.0f, 0.0f, 0.0f};
+#ifdef METALLIC
+    Facets facets;
+    Shares shares;
+    if (gloss) {
+        facets = facets_of(gloss, color);
+        Lanes cosine = lanes_min(lanes_max(lanes_dot(normal, view), (Lanes)(0.0f)), (Lanes)(1.0f));
+        shares = shares_at(scene->map_texels, cosine, sqrt(facets.alpha), count);
+        color.x = facets.diffuse.x * (1.0f - facets.mirrored.x) * (1.0f - shares.lost);
+        color.y = facets.diffuse.y * (1.0f - facets.mirrored.y) * (1.0f - shares.lost);
+        color.z = facets.diffuse.z * (1.0f - facets.mirrored.z) * (1.0f - shares.lost);
+    }
+#endif
+#ifdef ENVIRONMENT
+    CubeMap around = scene->maps[0];
+    around.levels = 1u, around.size[0] = IRRADIANCE_SIZE, around.first[0] = around.irradiance;
+    Lanes3 scattered = cube_light(&around, scene->map_texels, normal, (Lanes)(0.0f), t, count);
+    sum.x = color.x * scattered.x, sum.y = color.y * scattered.y, sum.z = color.z * scattered.z;
+#endif
+#ifdef METALLIC
+    if (gloss) {
+        CubeMap seen = scene->maps[map];
+        Lanes3 mirrored = cube_light(&seen, scene->map_texels, mirrored_way(normal, view),
+                                     level_of(&seen, facets.alpha), t, count);
+        sum.x += mirrored.x * (facets.mirrored.x * shares.factor + shares.added);
+        sum.y += mirrored.y * (facets.mirrored.y * shares.factor + shares.added);
+        sum.z += mirrored.z * (facets.mirrored.z * shares.factor + shares.added);
+    }
+#endif
+    return sum;
+}
+
+#endif

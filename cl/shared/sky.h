@@ -1,0 +1,43 @@
+// The environment behind everything, as samples see it at times of the shutter.
+#ifndef MB_SKY_H
+#define MB_SKY_H
+
+#include "shared/cube_map.h"
+#include "shared/scene.h"
+
+// Directions in which samples at (x, y) of the frame look through (u, v) of the lens at times t.
+static Lanes3 sky_ways(const Scene *scene, Lanes t, Lanes x, Lanes y, Lanes u, Lanes v)
+{
+    float times[LANES], way[3][LANES], px[LANES], py[LANES];
+    vstore16(t, 0, times), vstore16(x, 0, px), vstore16(y, 0, py);
+#ifdef LENS
+    float pu[LANES], pv[LANES];
+    vstore16(u, 0, pu), vstore16(v, 0, pv);
+#endif
+    uint k = 0;
+    for (int i = 0; i < LANES; i++) {
+        while (k > 0u && scene->sky[k].open > times[i]) k--;
+        while (k + 1u < scene->sky_count && scene->sky[k].close <= times[i]) k++;
+        global const Sky *sky = scene->sky + k;
+        float part = clamp((times[i] - sky->open) / (sky->close - sky->open), 0.0f, 1.0f);
+#ifdef LENS
+        float blur = mix(sky->blur_start, sky->blur_end, part);
+        px[i] -= blur * pu[i], py[i] -= blur * pv[i];
+#endif
+        for (int row = 0; row < 3; row++) {
+            global const float *a = sky->start + 3 * row, *b = sky->end + 3 * row;
+            float start = a[0] * px[i] + a[1] * py[i] + a[2];
+            way[row][i] = mix(start, b[0] * px[i] + b[1] * py[i] + b[2], part);
+        }
+    }
+    return (Lanes3){vload16(0, way[0]), vload16(0, way[1]), vload16(0, way[2])};
+}
+
+// Light from directions of the environment; `count` of them matter.
+static Lanes3 sky_light(const Scene *scene, Lanes3 ways, int count)
+{
+    CubeMap map = scene->maps[0];
+    return cube_light(&map, scene->map_texels, ways, (Lanes)(0.0f), (Lanes)(0.0f), count);
+}
+
+#endif

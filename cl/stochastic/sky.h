@@ -1,0 +1,43 @@
+// What samples see that see no surface: the environment, without alpha.
+#ifndef MB_STOCHASTIC_SKY_H
+#define MB_STOCHASTIC_SKY_H
+
+#include "shared/sky.h"
+#include "stochastic/tile.h"
+
+// Add the light that a sample without a surface sees; stage "shade" counted the sample.
+static inline void add_light(Tile *tile, int index, float4 light)
+{
+    int pixel = index % SLAB;
+    tile->color[pixel] += light;
+#ifdef WEIGHTED
+    tile->signed_color[pixel] += sign_of_sample(tile, index, pixel) * light;
+#endif
+#ifdef PATTERN_RGSS
+    tile->sample_colors[index] = light;
+#endif
+}
+
+static void add_sky(Tile *tile)
+{
+    for (int index = 0; index < tile->slabs * SLAB; index += LANES) {
+        bool any = false;
+        for (int i = 0; i < LANES; i++) any |= tile->owners[index + i] == NONE;
+        if (!any) continue;
+        Lanes u = 0.0f, v = 0.0f;
+#ifdef LENS
+        u = load(tile->us, index), v = load(tile->vs, index);
+#endif
+        Lanes3 ways = sky_ways(&tile->scene, load(tile->ts, index),
+                               load(tile->xs, index) + (float)(tile->x + HALF),
+                               load(tile->ys, index) + (float)(tile->y + HALF), u, v);
+        Lanes3 light = sky_light(&tile->scene, ways, LANES);
+        for (int i = 0; i < LANES; i++)
+            if (tile->owners[index + i] == NONE)
+                add_light(tile, index + i,
+                          (float4)(((const float *)&light.x)[i], ((const float *)&light.y)[i],
+                                   ((const float *)&light.z)[i], 0.0f));
+    }
+}
+
+#endif
