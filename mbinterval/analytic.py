@@ -7,6 +7,7 @@
                                                                                (Hong & Oh 2017)
 
 Each word is a stage: a file in ``cl/analytic``, an entry in the plan, and a key of the timings.
+Cube maps (``cube_map``, in ``cl/shared``) are made before, if the plan asks for them.
 The bracketed stages run fused, tile by tile, in one kernel (``tile.cl``, ``tiles.py``), so that
 lists stay in cache. Stages that the plan leaves out are not compiled.
 """

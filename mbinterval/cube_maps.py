@@ -34,6 +34,7 @@ _DIRECTIONS = (128, 1024)
 """That a level's texels are the mean of: the finest's, and, twice as many by level, the most."""
 _LEAST = 8
 _IRRADIANCE_ROWS = 64
+_DARK = 1e-30  # light that a block without any has, so that it has a direction
 _ready: weakref.WeakKeyDictionary[Environment, dict[int, Float32]] = weakref.WeakKeyDictionary()
 
 
@@ -128,7 +129,10 @@ def _environment_texels(runtime: Runtime, environment: Environment) -> Float32:
             6 * (size + 1),
             runtime.upload(environment.image, "environment's image"),
             *(np.int32(width), np.int32(height)),
-            *(np.float32(np.radians(environment.rotation)), np.float32(environment.intensity)),
+            *(
+                np.float32(np.radians(environment.rotation % 360.0)),
+                np.float32(environment.intensity),
+            ),
             *(np.uint32(size), level),
         )
         around = np.ones((6, IRRADIANCE_SIZE + 1, IRRADIANCE_SIZE + 1, 4), np.float32)
@@ -140,28 +144,34 @@ def _environment_texels(runtime: Runtime, environment: Environment) -> Float32:
 def irradiance(environment: Environment, normals: Float64) -> Float64:
     """Light that Lambert's surfaces with those unit ``normals`` ``(..., 3)`` scatter, over pi.
 
-    The integral of the environment times the cosine: a sum over its pixels, of which those of
-    large images are averaged before, so that all light is counted, and those of small ones divided.
+    The integral of the environment times the cosine: a sum over blocks of its pixels, each in the
+    mean direction of its light, so that small lamps are where they are. Pixels of small images are
+    divided before.
     """
     image = environment.image.astype(np.float64) * environment.intensity
     often = -(-_IRRADIANCE_ROWS // len(image))
     image = np.repeat(np.repeat(image, often, axis=0), often, axis=1)
-    step = max(1, len(image) // _IRRADIANCE_ROWS)
-    height, width = len(image) // step, 2 * (len(image) // step)
-    edges = np.linspace(0.0, len(image), height + 1).astype(int)
-    sides = np.linspace(0.0, image.shape[1], width + 1).astype(int)
-    heights = np.cos(np.linspace(0.0, np.pi, len(image) + 1))
-    angles = -np.diff(heights) * 2.0 * np.pi / image.shape[1]  # solid angle of a pixel of each row
-    light = np.add.reduceat(image * angles[:, None, None], edges[:-1], axis=0)
-    light = np.add.reduceat(light, sides[:-1], axis=1).reshape(-1, 3)
-    up = 0.5 * (heights[edges[:-1]] + heights[edges[1:]])
-    turn = np.pi * (sides[:-1] + sides[1:]) / image.shape[1] - np.pi
-    turn = turn - np.radians(environment.rotation)
-    out = np.sqrt(1.0 - up**2)[:, None]
-    ways = np.stack([out * np.sin(turn), np.broadcast_to(up[:, None], (height, width)),
-                     -out * np.cos(turn)], axis=-1).reshape(-1, 3)  # fmt: skip
-    rows = [np.maximum(row @ ways.T, 0.0) @ light for row in normals.reshape(-1, 3)]
+    height, width = image.shape[:2]
+    edge = np.linspace(0.0, np.pi, height + 1)
+    up = 0.5 * np.pi - 0.5 * (edge[1:] + edge[:-1])[:, None]
+    turn = 2.0 * np.pi * (np.arange(width) + 0.5) / width - np.pi
+    turn = turn - np.radians(environment.rotation % 360.0)
+    out = np.cos(up)
+    ways = [out * np.sin(turn), np.sin(up) + 0.0 * turn, -out * np.cos(turn)]
+    angles = -np.diff(np.cos(edge))[:, None, None] * 2.0 * np.pi / width  # solid, of pixels
+    light = _sums(image * angles)
+    middle = _sums(np.stack(ways, axis=-1) * (image.mean(axis=2, keepdims=True) + _DARK) * angles)
+    middle /= np.linalg.norm(middle, axis=-1, keepdims=True)
+    rows = [np.maximum(row @ middle.T, 0.0) @ light for row in normals.reshape(-1, 3)]
     return np.reshape(rows, normals.shape) / np.pi
+
+
+def _sums(pixels: Float64) -> Float64:
+    """Sums ``(n, 3)`` over blocks of pixels ``(h, w, 3)``."""
+    for axis, count in ((0, _IRRADIANCE_ROWS), (1, 2 * _IRRADIANCE_ROWS)):
+        starts = np.linspace(0.0, pixels.shape[axis], count, endpoint=False).astype(int)
+        pixels = np.add.reduceat(pixels, starts, axis=axis)
+    return np.asarray(pixels.reshape(-1, 3))
 
 
 def _filtered(runtime: Runtime, level: Any, size: int) -> Float32:

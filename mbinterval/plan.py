@@ -41,7 +41,7 @@ class Plan:
     Attributes
     ----------
     stages
-        Names of the stages that run, in order; each is a file in ``cl/analytic``.
+        Names of the stages that run, in order; each is a file in ``cl/analytic`` or ``cl/shared``.
     options
         Compiler options of the kernels: one ``-D`` for each active effect and each size.
     crop, region

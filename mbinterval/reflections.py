@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.cube_maps import gather, sky_records
+from mbinterval.cube_maps import CubeMaps, gather, sky_records
 from mbinterval.device.runtime import Runtime
 from mbinterval.motion import Motion, in_order, lay_out
 from mbinterval.plan import Plan, make_plan
@@ -23,7 +23,7 @@ from mbinterval.scene.exposure import Exposure, Roll, expose, reflecting
 from mbinterval.scene.mesh_exposure import MeshExposure
 from mbinterval.scene.model import Camera, Reflections, Scene, Shutter
 from mbinterval.scene.shutter_times import Window
-from mbinterval.scene.tracks import Track
+from mbinterval.scene.tracks import Track, Transform
 
 if TYPE_CHECKING:
     from mbinterval.work import Pixels
@@ -35,19 +35,11 @@ Render = Callable[[Exposure, Motion, Plan], "Pixels"]
 _CURVE_VALUES = 129
 
 
-def add_cube_maps(
-    on: Runtime, motion: Motion, exposure: Exposure, plan: Plan, pictures: Sequence[Float32] = ()
-) -> Motion:
-    """Return ``motion`` with the cube maps that the plan asks for, and who mirrors which.
-
-    ``pictures`` are those of `surroundings`.
-    """
-    if "cube_map" not in plan.stages:
-        return motion
-    made = gather(on, exposure.environment, list(pictures))
+def add_cube_maps(motion: Motion, exposure: Exposure, plan: Plan, made: CubeMaps) -> Motion:
+    """Return ``motion`` with cube maps, and who mirrors which of them."""
     groups = {id(asked): 1 + index for index, asked in enumerate(reflecting(exposure))}
     meshes = motion.meshes.copy()
-    if pictures:
+    if len(made.maps) > 1:
         meshes["map"] = [groups.get(id(mesh.mesh.reflections), 0) for mesh in in_order(exposure)]
     sky = sky_records(exposure.sky, plan.width, plan.height)
     made_of: dict[str, Any] = {"maps": made.maps, "map_texels": made.texels, "sky": sky}
@@ -62,14 +54,15 @@ def surroundings(
     ``exposure`` is that of the frame, of which a rolling shutter has ``lines``.
     """
     window = Window(exposure.frame, *scene.shutter.window(scene.fps, lines))
+    made = gather(on, exposure.environment, [])
     return [
-        _surroundings(on, scene, exposure, plan, lines, render, asked, _middle(meshes, window))
+        _surroundings(made, scene, exposure, plan, lines, render, asked, _middle(meshes, window))
         for asked, meshes in reflecting(exposure).items()
     ]
 
 
 def _surroundings(
-    on: Runtime,
+    made: CubeMaps,
     scene: Scene,
     exposure: Exposure,
     plan: Plan,
@@ -97,7 +90,7 @@ def _surroundings(
         for part in _parts(seen, asked.times):
             planned = make_plan(part, motion, settings, size, size, (0, 0, size, size))
             planned = replace(planned, memory=plan.memory)
-            laid = add_cube_maps(on, motion, part, planned)
+            laid = add_cube_maps(motion, part, planned, made)
             rgb = render(part, laid, planned).rgba[..., :3]
             pictures.append(rgb[:, ::-1] if face % 2 else rgb)
         faces.append(pictures)
@@ -175,14 +168,12 @@ def face_camera(face: int, size: int, frames: Float64, middle: Float64) -> Camer
 
     Those of the odd faces look along the negative axes, and see the columns in reverse order.
     """
-    axes = np.eye(3)
-    forward = axes[face // 2] * (-1.0 if face % 2 else 1.0)
-    up = -axes[(face // 2 + 2) % 3]
+    forward = np.eye(3)[face // 2] * (-1.0 if face % 2 else 1.0)
+    up = -np.eye(3)[(face // 2 + 2) % 3]
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([np.cross(forward, up), up, -forward], axis=1)
     fov = 2.0 * np.degrees(np.arctan(1.0 + 1.0 / size))
-    if np.all(middle == middle[0]):
-        return Camera(position=tuple(middle[0]), look_at=tuple(middle[0] + forward),
-                      up=tuple(up), fov=fov)  # fmt: skip
-    return Camera(
-        position=Track(frames, middle), look_at=Track(frames, middle + forward), up=tuple(up),
-        fov=fov,
-    )  # fmt: skip
+    frames, first = np.unique(frames, return_index=True)
+    moves = len(frames) > 1 and bool(np.any(middle != middle[0]))
+    at = Track(frames, middle[first]) if moves else tuple(middle[0].tolist())
+    return Camera(transform=Transform(translation=at, matrix=matrix), fov=fov)

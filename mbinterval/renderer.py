@@ -135,6 +135,7 @@ def _add_cube_maps(
     run: Callable[..., Pixels],
 ) -> tuple[Motion, dict[str, float]]:
     """Stage "cube_map": the environment's map, and those of what objects mirror; its seconds."""
+    from mbinterval.cube_maps import gather
     from mbinterval.reflections import add_cube_maps, surroundings
 
     if "cube_map" not in plan.stages:
@@ -143,7 +144,7 @@ def _add_cube_maps(
     pictures = []
     if "-DREFLECTIONS" in plan.options:
         pictures = surroundings(on, scene, exposure, plan, lines, partial(run, on))
-    motion = add_cube_maps(on, motion, exposure, plan, pictures)
+    motion = add_cube_maps(motion, exposure, plan, gather(on, exposure.environment, pictures))
     return motion, {"cube_map": time.perf_counter() - started}
 
 

@@ -324,11 +324,16 @@ def image_sources(folder: Path) -> dict[str, dict[str, bytes]]:
         "a.bmp": encoded(picture(), "BMP"),
         "a.tga": encoded(picture(), "TGA"),
         "a.exr": (folder / "a.exr").read_bytes(),
+        "studio.hdr": (SCENES / "assets" / "studio.hdr").read_bytes(),
     }
-    return {name: {"s.json": _seen(name), name: data} for name, data in images.items()} | {
-        f"background {name}": {"s.json": _behind(name), name: images[name]}
-        for name in ("rgb.png", "a.exr")
-    }
+    return (
+        {name: {"s.json": _seen(name), name: data} for name, data in images.items()}
+        | {
+            f"background {name}": {"s.json": _behind(name), name: images[name]}
+            for name in ("rgb.png", "a.exr")
+        }
+        | {"around": {"s.json": _around("studio.hdr"), "studio.hdr": images["studio.hdr"]}}
+    )
 
 
 _CAMERA = {"position": [0, 0, 3], "look_at": [0, 0, 0]}
@@ -337,6 +342,18 @@ _CAMERA = {"position": [0, 0, 3], "look_at": [0, 0, 0]}
 def _seen(texture: str) -> bytes:
     plane = {"primitive": {"kind": "plane"}, "material": {"texture": texture, "shading": "unlit"}}
     return json.dumps({"camera": _CAMERA, "objects": [plane]}).encode()
+
+
+def _around(picture: str) -> bytes:
+    """A ball that mirrors the picture, and a triangle that passes."""
+    chrome = {"shading": "metallic_roughness", "metallic": 1.0, "roughness": 0.1}
+    moves = {"keys": [{"frame": f, "translation": [f, 0, 0]} for f in (0, 3)]}
+    ball = {"primitive": {"kind": "sphere", "segments": 8}, "material": chrome, "transform": moves,
+            "reflections": {"size": 16, "times": 2}}  # fmt: skip
+    passing = {"primitive": {"kind": "box"}, "transform": {"translation": [0, 2, 0]}}
+    around = {"file": picture, "rotation": 30.0}
+    table = {"camera": _CAMERA, "environment": around, "objects": [ball, passing]}
+    return json.dumps(table).encode()
 
 
 def _behind(background: str) -> bytes:

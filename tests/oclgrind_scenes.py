@@ -275,7 +275,11 @@ def with_cube_maps(motion: object, exposure: object, plan: object) -> object:
     pictures = [
         np.random.default_rng(5).uniform(0, 1, (2, 6, 17, 17, 3)) for _ in reflecting(exposure)
     ]
-    return add_cube_maps(runtime(), motion, exposure, plan, pictures)
+    if "cube_map" not in plan.stages:
+        return motion
+    return add_cube_maps(
+        motion, exposure, plan, cube_maps.gather(runtime(), exposure.environment, pictures)
+    )
 
 
 def plan_of(small: Small) -> tuple[object, object, object]:

@@ -104,6 +104,22 @@ def test_irradiance_is_the_integral_over_directions():
     assert np.abs(turned - expected).max() > 5e-3
 
 
+def test_a_small_lamp_lights_walls_from_where_it_is():
+    """One pixel of a fine image: a cosine, in closed form."""
+    pixels = np.zeros((512, 1024, 3))
+    pixels[150, 300] = 1e4
+    lamp = mb.Environment(pixels, rotation=25.0)
+    up = (0.5 - 150.5 / 512) * np.pi
+    turn = (300.5 / 1024 - 0.5) * 2.0 * np.pi - np.radians(25.0)
+    way = np.array([np.cos(up) * np.sin(turn), np.sin(up), -np.cos(up) * np.cos(turn)])
+    angle = 2.0 * np.pi / 1024 * (np.sin(up + 0.5 * np.pi / 512) - np.sin(up - 0.5 * np.pi / 512))
+    normals = cube_maps.directions(4).reshape(-1, 3)
+    expected = 1e4 * angle / np.pi * np.maximum(normals @ way, 0.0)
+    assert expected.max() > 0.05
+    found = cube_maps.irradiance(lamp, normals)
+    assert np.abs(found - expected[:, None]).max() < 1e-9
+
+
 def lobe_points(alpha: float, count: int, seed: int) -> np.ndarray:
     """Directions that GGX facets mirror a view along +z in, drawn at random by the distribution."""
     rng = np.random.default_rng(seed)
@@ -399,6 +415,8 @@ def test_mistakes_in_python_are_told():
         mb.Environment(broken)
     with pytest.raises(mb.SceneError, match="twice as many columns"):
         mb.Environment(np.ones((4, 4, 3)))
+    with pytest.raises(mb.SceneError, match="environment: image times intensity is up to 1e\\+31"):
+        mb.Environment(np.ones((4, 8, 3)), intensity=1e31)
     with pytest.raises(mb.SceneError, match="environment: rotation"):
         mb.Environment(np.ones((4, 8, 3)), rotation="left")
     with pytest.raises(mb.SceneError, match="scene: environment"):

@@ -121,7 +121,8 @@ def test_its_tables_of_stages_are_what_renders_time():
     scene = mbinterval.Scene(meshes=meshes, camera=camera)
     timed = set()
     glass = mbinterval.Mesh(still, faces, material=mbinterval.Material(opacity=0.5))
-    seen_through = mbinterval.Scene(meshes=[glass], camera=camera)
+    around = mbinterval.Environment(np.ones((4, 8, 3)))
+    seen_through = mbinterval.Scene(meshes=[glass], camera=camera, environment=around)
     timed |= set(mbinterval.render(seen_through, width=16, height=16).timings)
     ways = (
         {"pattern": "sobol"},

@@ -13,6 +13,9 @@ from mbinterval.scene.checks import freeze
 
 Float32 = NDArray[np.float32]
 
+_BRIGHTEST = 1e30
+"""Light whose sums float32 still holds."""
+
 
 @dataclass(frozen=True, eq=False)
 class Environment:
@@ -56,10 +59,17 @@ class Environment:
                 f"environment: image has {image.min():g} as its least value, the first below 0 at "
                 f"row {row}, column {column}; light can't be negative: clip the image at 0"
             )
+        intensity = checks.number(self.intensity, "environment: intensity", 0.0)
+        most = float(image.max()) * intensity
+        if most > _BRIGHTEST:
+            raise SceneError(
+                f"environment: image times intensity is up to {most:.3g}; at most {_BRIGHTEST:g} "
+                "can be rendered: lower the intensity"
+            )
         freeze(
             self,
             image=image,
-            intensity=checks.number(self.intensity, "environment: intensity", 0.0),
+            intensity=intensity,
             rotation=checks.number(self.rotation, "environment: rotation"),
             background=checks.flag(self.background, "environment: background"),
         )
