@@ -30,9 +30,10 @@ IRRADIANCE_SIZE = 16
 SHARES = (32, 64)
 """Rows, of roughness, and columns, of cosines, of the table of what facets reflect (likewise)."""
 _SIZES = (16, 2048)
-_DIRECTIONS = (128, 1024)
+_DIRECTIONS = (64, 1024)
 """That a level's texels are the mean of: the finest's, and, twice as many by level, the most."""
-_LEAST = 8
+_LEAST, _FINEST = 8, 6
+"""Least size of a level; the finest level that is not sharp is for an alpha of 1/64."""
 _IRRADIANCE_ROWS = 64
 _DARK = 1e-30  # light that a block without any has, so that it has a direction
 _ready: weakref.WeakKeyDictionary[Environment, dict[int, Float32]] = weakref.WeakKeyDictionary()
@@ -48,7 +49,7 @@ class CubeMaps:
 
 def level_sizes(size: int) -> list[int]:
     """Steps along an edge of each level of a map of that size."""
-    rough = range(int(np.log2(size)) - 2, -1, -1)  # alpha is 2**-k
+    rough = range(min(int(np.log2(size)) - 2, _FINEST), -1, -1)  # alpha is 2**-k
     return [size, *(max(_LEAST, 4 << k) for k in rough)]
 
 
@@ -148,30 +149,31 @@ def irradiance(environment: Environment, normals: Float64) -> Float64:
     mean direction of its light, so that small lamps are where they are. Pixels of small images are
     divided before.
     """
-    image = environment.image.astype(np.float64) * environment.intensity
+    image = environment.image
     often = -(-_IRRADIANCE_ROWS // len(image))
     image = np.repeat(np.repeat(image, often, axis=0), often, axis=1)
     height, width = image.shape[:2]
-    edge = np.linspace(0.0, np.pi, height + 1)
-    up = 0.5 * np.pi - 0.5 * (edge[1:] + edge[:-1])[:, None]
     turn = 2.0 * np.pi * (np.arange(width) + 0.5) / width - np.pi
     turn = turn - np.radians(environment.rotation % 360.0)
-    out = np.cos(up)
-    ways = [out * np.sin(turn), np.sin(up) + 0.0 * turn, -out * np.cos(turn)]
-    angles = -np.diff(np.cos(edge))[:, None, None] * 2.0 * np.pi / width  # solid, of pixels
-    light = _sums(image * angles)
-    middle = _sums(np.stack(ways, axis=-1) * (image.mean(axis=2, keepdims=True) + _DARK) * angles)
-    middle /= np.linalg.norm(middle, axis=-1, keepdims=True)
-    rows = [np.maximum(row @ middle.T, 0.0) @ light for row in normals.reshape(-1, 3)]
-    return np.reshape(rows, normals.shape) / np.pi
-
-
-def _sums(pixels: Float64) -> Float64:
-    """Sums ``(n, 3)`` over blocks of pixels ``(h, w, 3)``."""
-    for axis, count in ((0, _IRRADIANCE_ROWS), (1, 2 * _IRRADIANCE_ROWS)):
-        starts = np.linspace(0.0, pixels.shape[axis], count, endpoint=False).astype(int)
-        pixels = np.add.reduceat(pixels, starts, axis=axis)
-    return np.asarray(pixels.reshape(-1, 3))
+    starts = np.linspace(0, width, 2 * _IRRADIANCE_ROWS, endpoint=False).astype(int)
+    rows = np.linspace(0, height, _IRRADIANCE_ROWS + 1).astype(int)
+    light, middle = [], []
+    for first, last in pairwise(rows):
+        edge = np.pi * np.arange(first, last + 1)[:, None] / height
+        up = 0.5 * np.pi - 0.5 * (edge[1:] + edge[:-1])
+        out = np.cos(up)
+        ways = [out * np.sin(turn), np.sin(up) + 0.0 * turn, -out * np.cos(turn)]
+        angles = -np.diff(np.cos(edge), axis=0) * 2.0 * np.pi / width  # solid, of pixels
+        here = image[first:last].astype(np.float64)
+        weight = (here.mean(axis=2) + _DARK) * angles
+        light.append(np.add.reduceat((here * angles[..., None]).sum(axis=0), starts))
+        mean = np.stack([(way * weight).sum(axis=0) for way in ways], axis=-1)
+        middle.append(np.add.reduceat(mean, starts))
+    ways_of_blocks = np.concatenate(middle)
+    ways_of_blocks /= np.linalg.norm(ways_of_blocks, axis=-1, keepdims=True)
+    all_light = environment.intensity / np.pi * np.concatenate(light)
+    found = [np.maximum(row @ ways_of_blocks.T, 0.0) @ all_light for row in normals.reshape(-1, 3)]
+    return np.reshape(found, normals.shape)
 
 
 def _filtered(runtime: Runtime, level: Any, size: int) -> Float32:
