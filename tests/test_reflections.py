@@ -140,6 +140,30 @@ def test_point_samples_agree_with_exact_time(values, exact):
     assert rmse(film(scene(), **values), exact) < 2.5e-3
 
 
+def test_a_shutter_that_rolls_and_has_a_curve_is_cut_into_parts_too(exact):
+    of = replace(scene(), shutter=mb.Shutter(-0.5, 0.5, rolling="right", curve="trapezoid",
+                                             line_offset=1 / 24 / 72, line_exposure=1 / 48))  # fmt: skip
+    found = film(of)
+    assert rmse(found, film(of, method="stochastic", samples=256)) < 2.5e-3
+    assert rmse(found, exact) > 0.02
+
+
+def test_a_render_and_a_part_of_it_have_the_same_bytes_every_time(exact):
+    assert np.array_equal(film(scene()), exact)
+    settings = mb.Settings(samples=16, pattern="sobol")
+    part = mb.render(scene(), frame=0, width=SIZE[0], height=SIZE[1], settings=settings,
+                     crop=(9, 5, 14, 11))  # fmt: skip
+    assert np.array_equal(part.rgba, exact[5:16, 9:23].astype(np.float32))
+    assert part.timings["cube_map"] > 0.0
+
+
+def test_reflections_of_what_mirrors_nothing_are_noted():
+    clay = replace(ball(), material=mb.Material("clay"), name="clay")
+    notes = expose(scene(clay), 0, 1.5).notes
+    assert notes == ("mesh 'clay': reflections need shading 'metallic_roughness'",)
+    assert expose(scene(), 0, 1.5).notes == ()
+
+
 def pictures(of: mb.Scene, lines: int = 1) -> np.ndarray:
     settings = mb.Settings(samples=16)
     exposure = expose(of, 0, 1.5, None, lines, 0.1, 24)

@@ -7,7 +7,7 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -113,7 +113,7 @@ def expose(
     )
     if not exposed:
         notes.append("no visible mesh: only the background is seen")
-    notes += _outside(scene, window)
+    notes += _outside(scene, window) + _without_mirrors(meshes.values())
     _check_scale(exposed, cameras[0].eye[0])
     return Exposure(
         frame=frame,
@@ -133,12 +133,26 @@ def expose(
     )
 
 
+def mirrors(mesh: Mesh) -> bool:
+    """Whether its material mirrors what is around it."""
+    return mesh.material is not None and mesh.material.shading == "metallic_roughness"
+
+
+def _without_mirrors(meshes: Iterable[Mesh]) -> list[str]:
+    """Say it where reflections are asked for in vain."""
+    names = [mesh.name for mesh in meshes if mesh.reflections is not None and not mirrors(mesh)]
+    if not names:
+        return []
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    return [f"mesh {names[0]!r}{more}: reflections need shading 'metallic_roughness'"]
+
+
 def reflecting(exposure: Exposure) -> dict[Reflections, list[MeshExposure]]:
     """Meshes that mirror their surroundings, by what asks for it, in the order of the scene."""
     found: dict[Reflections, list[MeshExposure]] = {}
     for mesh in sorted(exposure.meshes, key=lambda mesh: mesh.index):
-        asked, material = mesh.mesh.reflections, mesh.mesh.material
-        if asked is not None and material is not None and material.shading == "metallic_roughness":
+        asked = mesh.mesh.reflections
+        if asked is not None and mirrors(mesh.mesh):
             found.setdefault(asked, []).append(mesh)
     return found
 
