@@ -332,7 +332,10 @@ SHARP = {"aovs": "sharp"}
 ONLY_EXACT = (
     *("glass", "leaf", "everything, seen through", "everything, recorded"),
     *("shaded", "shaded, at rest", "shaded, seen through"),
+    *("around", "around, empty", "around, at rest"),
 )
+HALL = mb.Environment(np.ones((4, 8, 3)))
+CHROME = Material("chrome", shading="metallic_roughness", metallic=1.0)
 CRYPTO = ("crypto_object", "deep")
 LAMPS = [Light("point", shadows=True), Light("directional", shadows=True)]
 LAYERS = ("depth", "normal", "uv", "forward", "backward", "object", "material")
@@ -356,6 +359,24 @@ BUILT = {
         {},
     ),
     "shaded, seen through": (dataclasses.replace(SEEN_THROUGH, lights=LAMPS), SHARP),
+    "around": (
+        dataclasses.replace(
+            SEEN_THROUGH,
+            lights=LAMPS,
+            environment=HALL,
+            meshes=[*SEEN_THROUGH.meshes, mesh(material=CHROME, reflections=mb.Reflections())],
+        ),
+        SHARP | {"anisotropy": 4},
+    ),
+    "around, empty": (Scene(meshes=[], camera=UNIT_CAMERA, environment=HALL), SHARP),
+    "around, at rest": (
+        Scene(meshes=[mesh(False, material=CHROME)], camera=UNIT_CAMERA, environment=HALL),
+        SHARP,
+    ),
+    "around, lit": (
+        Scene(meshes=[mesh(material=Material())], camera=UNIT_CAMERA, environment=HALL),
+        {},
+    ),
     "everything, clear": (EVERYTHING, {"transparent": True, "samples": 1, "tile_size": 8}),
     "empty, with layers": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": LAYERS}),
     "static, with layers": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {"aovs": LAYERS}),

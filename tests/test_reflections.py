@@ -142,7 +142,7 @@ def test_point_samples_agree_with_exact_time(values, exact):
 
 def test_a_shutter_that_rolls_and_has_a_curve_is_cut_into_parts_too(exact):
     of = replace(scene(), shutter=mb.Shutter(-0.5, 0.5, rolling="right", curve="trapezoid",
-                                             line_offset=1 / 24 / 72, line_exposure=1 / 48))  # fmt: skip
+                                             line_offset=6e-4, line_exposure=0.02))  # fmt: skip
     found = film(of)
     assert rmse(found, film(of, method="stochastic", samples=256)) < 2.5e-3
     assert rmse(found, exact) > 0.02
