@@ -118,7 +118,7 @@ def make_plan(
             sizes["MASK_BITS"] = settings.occlusion
         if settings.max_intervals is not None:
             sizes["MAX_INTERVALS"] = settings.max_intervals
-    if active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR"}:
+    if active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR", "SKY"}:
         sizes |= _shading_sizes(settings)
     if "TEXTURED" in active and settings.anisotropy > 0:
         sizes["ANISOTROPY"] = settings.anisotropy

@@ -226,6 +226,25 @@ def test_a_camera_that_turns_sees_the_mean_of_what_passes(method):
     assert np.isinf(found.depth).all()
 
 
+def lamps(d: np.ndarray) -> np.ndarray:
+    """Bright stripes with sudden edges."""
+    bright = np.sin(9.0 * np.arctan2(d[..., 0], -d[..., 2])) > 0.3
+    return np.where(bright[..., None], 9.0, 0.1) * [1.0, 0.8, 0.5]
+
+
+def test_lamps_that_pass_are_averaged_as_exactly_as_shading_error_asks():
+    """Against point samples, whose noise is known from their repeats."""
+    of = empty(looking(12.0), environment(lamps, 64))
+    repeats = [film(of, method="stochastic", samples=1024, seed=k).rgba for k in range(4)]
+    points, noise = np.mean(repeats, axis=0), float(np.std(repeats, axis=0, ddof=1).max()) / 2.0
+    found = film(of, samples=64, pattern="sobol").rgba
+    assert np.abs(found - points).max() < 0.01 + 4.0 * noise
+    assert noise < 0.01
+    finest, usual, coarse = (film(of, samples=1, shading_error=e).rgba for e in (1e-5, 2e-3, 0.5))
+    assert np.abs(usual - finest).max() < 2e-3
+    assert np.abs(coarse - finest).max() > 8e-3
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_a_camera_that_rolls_sees_the_mean_over_its_roll(method):
     samples = 16 if method == "analytic" else 1024
