@@ -117,4 +117,5 @@ def test_the_scenes_run_every_stage():
         "bounds",
         "rgss",
         "shadow_map",
+        "cube_map",
     }

@@ -133,14 +133,16 @@ def expose(
     )
 
 
-def mirrors(mesh: Mesh) -> bool:
+def mirrors_around(mesh: Mesh) -> bool:
     """Whether its material mirrors what is around it."""
     return mesh.material is not None and mesh.material.shading == "metallic_roughness"
 
 
 def _without_mirrors(meshes: Iterable[Mesh]) -> list[str]:
     """Say it where reflections are asked for in vain."""
-    names = [mesh.name for mesh in meshes if mesh.reflections is not None and not mirrors(mesh)]
+    names = [
+        mesh.name for mesh in meshes if mesh.reflections is not None and not mirrors_around(mesh)
+    ]
     if not names:
         return []
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
@@ -152,7 +154,7 @@ def reflecting(exposure: Exposure) -> dict[Reflections, list[MeshExposure]]:
     found: dict[Reflections, list[MeshExposure]] = {}
     for mesh in sorted(exposure.meshes, key=lambda mesh: mesh.index):
         asked = mesh.mesh.reflections
-        if asked is not None and mirrors(mesh.mesh):
+        if asked is not None and mirrors_around(mesh.mesh):
             found.setdefault(asked, []).append(mesh)
     return found
 
