@@ -36,8 +36,8 @@ class Motion:
         ``(n, 3)`` float64 world positions, mesh by mesh and time by time; ``jobs`` say what is
         transformed by which of the ``cameras``, into ``vertex_count`` vertices.
     paths
-        ``static_paths`` opaque triangles that do not move, then the motion paths and translucent
-        triangles, mesh by mesh, segment by segment, face by face.
+        ``static_paths`` opaque triangles that do not move, then the motion paths, translucent
+        triangles, mirrors and what is seen in them, mesh by mesh, segment by segment, face by face.
     meshes
         One record per mesh, which points into ``color`` (three floats, or four where any mesh has
         an alpha of its vertices that counts), ``uv`` (two) and ``normal`` (three).
@@ -85,7 +85,9 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
         row, camera = table[index], camera_index[id(mesh.poses)] if mesh.segments else 0
         row["vertex"], row["count"] = vertex, mesh.positions.shape[1]
         row["camera"], row["material"] = camera, material_index[id(_material(mesh))]
-        row["first"] = once
+        row["first"], row["world"], row["mirror"] = once, mesh.world, mesh.mirror
+        if mesh.mirror:
+            row["reflectivity"] = exposure.mirrors[mesh.mirror - 1].reflectivity
         _add_attributes(row, mesh, pools)
         jobs.append(_vertex_jobs(mesh, first, vertex, camera))
         paths.append(_motion_paths(mesh, index, vertex))
@@ -109,13 +111,16 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
 
 
 def in_order(exposure: Exposure) -> list[MeshExposure]:
-    """Return the meshes in the order of their records: opaque ones that don't move first."""
+    """Return the meshes in the order of their records: those of ``static_paths`` first."""
     return sorted(exposure.meshes, key=lambda mesh: not _is_static(mesh))
 
 
 def _is_static(mesh: MeshExposure) -> bool:
-    """Whether a z-buffer is enough for it: it stands still, and hides what is behind it."""
-    return mesh.segments == 0 and not is_translucent(mesh)
+    """Whether a z-buffer is enough for it: it stands still, and hides what is behind it.
+
+    A mirror shows something else, and what is seen in it hides that alone.
+    """
+    return not (mesh.segments or mesh.world or mesh.mirror or is_translucent(mesh))
 
 
 def _check_room(exposure: Exposure) -> None:

@@ -55,7 +55,6 @@ _SHADOWS = (
     *("world", "shadow_lights", "tree", "leaves", "leaf_nodes", "light_views", "shadow_map"),
 )
 _PATHS_PER_ITEM = 256
-_SCRATCH_WORDS = 7
 _SLAB = 256
 _PIXEL_VECTORS = 8
 
@@ -138,7 +137,12 @@ def _render_tiles(
 
 def scratch_bytes(plan: Plan) -> int:
     """Return the bytes of a worker's scratch: the samples and the pixels of a tile."""
-    return (4 * _SCRATCH_WORDS * plan.layers + 16 * _PIXEL_VECTORS) * _SLAB
+    return (4 * _scratch_words(plan) * plan.layers + 16 * _PIXEL_VECTORS) * _SLAB
+
+
+def _scratch_words(plan: Plan) -> int:
+    """Words of scratch for each sample: ``SCRATCH`` of ``cl/stochastic/tile.cl``."""
+    return 9 if "-DMIRRORS" in plan.options else 7
 
 
 def _allocate(work: Work, workers: int) -> None:
@@ -147,7 +151,7 @@ def _allocate(work: Work, workers: int) -> None:
     kept = 4 if "rgss" in work.plan.stages else 1
     sizes = {
         "next": 4,
-        "samples": 4 * _SCRATCH_WORDS * work.plan.layers * _SLAB * workers,
+        "samples": 4 * _scratch_words(work.plan) * work.plan.layers * _SLAB * workers,
         "pixels": 16 * _PIXEL_VECTORS * _SLAB * workers,
         "counters": 8 * len(TILE_STAGES + _COUNTS) * workers,
         "rgba": 16 * kept * width * height,

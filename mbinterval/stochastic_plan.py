@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from mbinterval.appearance import casting
 from mbinterval.effects import Effect, effects_of
 from mbinterval.errors import UsageError
-from mbinterval.plan import Crop, Plan, sampling_sizes
+from mbinterval.plan import Crop, Plan, refuse_with_mirrors, sampling_sizes
 from mbinterval.sampling import pattern_of
 from mbinterval.settings import Settings
 
@@ -26,7 +26,7 @@ SLABS = 64
 _SHARED = frozenset(
     ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "METALLIC", "EMISSION", "POINT_LIGHTS")
     + ("SPOT_LIGHTS", "TEXTURED", "VERTEX_COLOR", "SHADOWS")
-    + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA")
+    + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA", "MIRRORS")
     + ("FACE_COLOR", "BACKGROUND_IMAGE", "TRANSPARENT", "WEIGHTED", "ROLLING", "ROLLING_COLUMNS")
     + ("",)
 )
@@ -53,6 +53,7 @@ def stochastic_plan(
         raise UsageError("test='edges' has no lens; use test='vertices', or leave f_stop out")
     if "WEIGHTED" in active and settings.pattern == "rgss":
         raise UsageError(f"pattern='rgss' has a filter of its own; leave out {settings.filter!r}")
+    refuse_with_mirrors(active)
     shadow_map = "SHADOWS" in active and settings.shadow_map is not None
     samples = sample_count(settings)
     slabs = min(samples, SLABS)

@@ -67,6 +67,19 @@ def seen_through() -> list[Mesh]:
     ]
 
 
+def mirrored() -> list[Mesh]:
+    """Two mirrors, one with light of its own, and what moves, rests and is seen through in them."""
+    corners = np.array([[-2.0, -2, -2.5], [2, -2, -4], [2, 2, -4], [-2, 2, -2.5]])
+    glass = [
+        Mesh(positions=corners + [x, 0, 0], faces=[[0, 1, 2], [0, 2, 3]], material=material)
+        for x, material in (
+            (0.5, Material("pool", reflectivity=0.7)),
+            (-2.5, Material("pane", shading="unlit", reflectivity=1.0)),
+        )
+    ]
+    return [*glass, *seen_through(), triangles(3, near=-1.0)]
+
+
 def glassy_crowd() -> list[Mesh]:
     return [triangles(60, material=Material("glass", shading="unlit", opacity=0.1))]
 
@@ -148,6 +161,10 @@ SCENES = {
         lambda: [triangles(6, moving=False, material=Material("glass", opacity=0.5))]
     ),
     "translucent, pools grow": Small(glassy_crowd, {"samples": 1}, capacity=24),
+    "mirrors": Small(mirrored, {"samples": 2, "texture_samples": 18}),
+    "mirrors, recorded": Small(
+        mirrored, {"samples": 1, "aovs": (*RECORDED, *LAYERS)}, Camera(**LENS), {"shutter": ROLL}
+    ),
     "shadows": Small(
         shaded, {"samples": 2, "texture_samples": 18, "motion_segments": 2}, scene={"lights": LAMPS}
     ),
@@ -211,6 +228,7 @@ SCENES = {
         scene={"shutter": ROLL},
     ),
     "stochastic, translucent": Small(seen_through, {"samples": 3} | POINTS),
+    "stochastic, mirrors": Small(mirrored, {"samples": 3} | POINTS),
     "stochastic, empty": Small(list, {"samples": 1} | POINTS),
     **{
         f"culling, {cull}": Small(

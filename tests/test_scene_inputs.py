@@ -77,6 +77,7 @@ WRONG = [
     (mb.Material, {"shading": np.ones(2)}, "material: shading=", "'unlit'"),
     (mb.Material, {"double_sided": "no"}, "material: double_sided='no'", "True or False"),
     (mb.Material, {"opacity": 1.5}, "material: opacity=1.5", "up to 1"),
+    (mb.Material, {"reflectivity": 1.5}, "material: reflectivity=1.5", "up to 1"),
     (mb.Material, {"alpha_mode": "clip"}, "material: alpha_mode='clip'", "'mask'"),
     (mb.Material, {"alpha_cutoff": -1}, "material: alpha_cutoff=-1", "0"),
     (mb.Material, {"name": (1, 0, 0)}, "material: name=(1, 0, 0)", "a text"),

@@ -13,6 +13,9 @@ typedef struct {
     uint index;
     global const Shape *shape;
     bool single_sided;
+#ifdef MIRRORS
+    bool mirrors, reflected;        // it is a mirror, or seen in one
+#endif
     double open, length;            // of its motion segment, in the shutter
     double slack;                   // of times that are rounded to float32, in the segment's
     double w[3], speed[3];          // depth of each vertex at the start, and how it changes
@@ -44,6 +47,10 @@ static void begin_gather(const Tile *tile, uint path_index, Gather *g)
     g->shape = tile->shapes + path_index;
     g->open = g->path.open, g->length = (double)g->path.close - g->path.open;
     g->single_sided = is_single_sided(tile, g->path);
+#ifdef MIRRORS
+    Mesh mesh = tile->scene.meshes[g->path.mesh];
+    g->mirrors = mesh.mirror != 0u, g->reflected = mesh.world != 0u;
+#endif
     load_moving(tile->scene.vertices, g->path, g->shape->flags, &g->triangle);
     g->slack = 1e-7 / g->length;
     for (int i = 0; i < 3; i++) {
@@ -72,6 +79,17 @@ static bool next_row(const Tile *tile, Gather *g)
     }
 }
 
+#ifdef STATIC
+// Whether something static lies before all of the path; nothing does before what a mirror shows.
+static inline bool is_behind_static(const Tile *tile, const Gather *g, int sample)
+{
+#ifdef MIRRORS
+    if (g->reflected) return false;
+#endif
+    return g->shape->near > tile->static_depth[sample];
+}
+#endif
+
 // Gather the next samples, but for those that something static lies before. False when there are
 // none left.
 static bool gather_samples(const Tile *tile, Gather *g)
@@ -84,7 +102,7 @@ static bool gather_samples(const Tile *tile, Gather *g)
         for (; g->column <= g->last[g->row]; g->column++) {
             int sample = start + g->column;
 #ifdef STATIC
-            if (g->shape->near > tile->static_depth[sample]) continue;
+            if (is_behind_static(tile, g, sample)) continue;
 #endif
             Place place = place_of(tile, sample);
             g->samples[g->waiting] = sample;

@@ -15,7 +15,11 @@
 static inline uint visited_path(const Gather *g)
 {
 #ifdef TRANSLUCENT
-    return g->index | (g->path.alpha < 1.0f ? TRANSLUCENT_BIT : 0u);
+    bool translucent = g->path.alpha < 1.0f;
+#ifdef MIRRORS
+    translucent |= g->mirrors || g->reflected;
+#endif
+    return g->index | (translucent ? TRANSLUCENT_BIT : 0u);
 #else
     return g->index;
 #endif

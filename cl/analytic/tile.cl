@@ -290,6 +290,9 @@ kernel void tile(
 #ifdef AOV_BACKWARD
     aovs.backward = backward;
 #endif
+#ifdef MIRRORS
+    tile.frame = frame, tile.background = background;
+#endif
 #ifdef EXACT
     tile.depths = depths;
 #endif

@@ -339,7 +339,11 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
 #else
     const Gloss *gloss = 0;
 #endif
-    return reflected(&s->material, gloss, color, position, normal, view, scene->lights,
+    global const Light *lights = scene->lights;
+#ifdef MIRRORS
+    lights += s->mesh.world * scene->light_count; // those of each world in turn
+#endif
+    return reflected(&s->material, gloss, color, position, normal, view, lights,
 #ifdef SHADOWS
                      a->lit,
 #endif

@@ -56,7 +56,8 @@ static inline float path_length(Path path) { return path.close - path.open; }
 
 // What the mesh of a path says: where its attributes are (NONE where it has none), how many
 // vertices lie between two times of an attribute (0 where it is constant). Of all meshes' vertices,
-// each counted once, its own begin at `first`.
+// each counted once, its own begin at `first`. What is seen in mirror k, counted from 1, is in world
+// k, all else in world 0; a mirror has its own number, and the share of light that it mirrors.
 typedef struct {
     uint vertex, count;
     uint uv, uv_step;
@@ -65,6 +66,8 @@ typedef struct {
     uint material;
     uint camera;
     uint first;
+    uint world, mirror; // 0: what is no mirror
+    float reflectivity;
 } Mesh;
 
 #define NONE 0xffffffffu

@@ -26,6 +26,7 @@ MESH = np.dtype(
     [("vertex", "u4"), ("count", "u4"), ("uv", "u4"), ("uv_step", "u4")]
     + [("normal", "u4"), ("normal_step", "u4"), ("color", "u4"), ("color_step", "u4")]
     + [("material", "u4"), ("camera", "u4"), ("first", "u4")]
+    + [("world", "u4"), ("mirror", "u4"), ("reflectivity", "f4")]
 )
 MATERIAL = np.dtype(
     [("specular", "f4", 3), ("shininess", "f4"), ("flags", "u4"), ("texture", "u4")]

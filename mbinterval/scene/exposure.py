@@ -7,7 +7,7 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from mbinterval.errors import SceneError
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.framing import framing_camera, headlight
 from mbinterval.scene.mesh_exposure import MeshExposure, expose_mesh
+from mbinterval.scene.mirrors import Mirror, find_mirrors, numbered, seen_in
 from mbinterval.scene.model import Light, Mesh, Scene, Vector
 from mbinterval.scene.poses import CameraPoses
 from mbinterval.scene.segments import View, choose_segments
@@ -45,9 +46,10 @@ class Roll:
 class Exposure:
     """What happens while the shutter is open, at one frame.
 
-    A mesh that is exposed in several stretches is in ``meshes`` once for each. ``cameras[K]`` holds
-    the camera at K + 1 equally spaced times, for every K in use over the whole shutter; ``camera``
-    is the animated one that they are poses of. ``notes`` say what had to be assumed.
+    A mesh that is exposed in several stretches is in ``meshes`` once for each, and once more for
+    each of the ``mirrors`` that it may be seen in, reflected. ``cameras[K]`` holds the camera at
+    K + 1 equally spaced times, for every K in use over the whole shutter; ``camera`` is the
+    animated one that they are poses of. ``notes`` say what had to be assumed.
     """
 
     frame: float
@@ -59,6 +61,7 @@ class Exposure:
     background: Vector | Float32
     shutter: Shutter
     roll: Roll | None
+    mirrors: tuple[Mirror, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -97,14 +100,19 @@ def expose(
     if not lights and any(m is None or m.shading != "unlit" for m in materials):
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
-    exposed = tuple(
-        replace(
-            _expose_stretch(mesh, stretch, view, cameras, motion_segments, motion_error),
-            index=index,
-        )
-        for index, mesh in meshes.items()
-        for stretch in mesh_stretches(mesh, window, camera)
-    )
+
+    def expose_all(index: int, mesh: Mesh) -> list[MeshExposure]:
+        return [
+            replace(
+                _expose_stretch(mesh, stretch, view, cameras, motion_segments, motion_error),
+                index=index,
+            )
+            for stretch in mesh_stretches(mesh, window, camera)
+        ]
+
+    real = [part for index, mesh in meshes.items() for part in expose_all(index, mesh)]
+    mirrors = find_mirrors(real)
+    exposed = (*numbered(real, mirrors), *_mirrored(meshes, mirrors, expose_all))
     if not exposed:
         notes.append("no visible mesh: only the background is seen")
     notes += _outside(scene, window)
@@ -119,8 +127,22 @@ def expose(
         background=scene.background,
         shutter=scene.shutter,
         roll=_roll(scene.shutter, scene.fps, lines),
+        mirrors=mirrors,
         notes=tuple(notes),
     )
+
+
+def _mirrored(
+    meshes: Mapping[int, Mesh],
+    mirrors: tuple[Mirror, ...],
+    expose_all: Callable[[int, Mesh], list[MeshExposure]],
+) -> Iterator[MeshExposure]:
+    """Yield what is seen in each mirror: all ``meshes`` but itself."""
+    for world, mirror in enumerate(mirrors, start=1):
+        for index, mesh in meshes.items():
+            copies = expose_all(index, mirror.mesh(mesh)) if index != mirror.index else []
+            for copy in copies:
+                yield from seen_in(mirror, replace(copy, world=world))
 
 
 def mesh_stretches(mesh: Mesh, window: Window, camera: Camera) -> list[Stretch]:

@@ -83,6 +83,10 @@ def _opaque(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, alpha_mode="opaque")
 
 
+def _dull(scene: Scene, _frame: float) -> Scene:
+    return _with_materials(scene, reflectivity=0.0)
+
+
 def _unlit(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, shading="unlit")
 
@@ -143,6 +147,7 @@ SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "rolling shutter": ("all lines exposed together, as long as one line was", _global_shutter),
     "single-sided": ("both sides of every surface seen", _two_sided),
     "transparency": ("alpha ignored", _opaque),
+    "mirrors": ("surfaces that mirror nothing", _dull),
     "phong shading": ("colours without light", _unlit),
     "metallic-roughness shading": ("Phong's model instead", _phong),
     "emission": ("nothing glows", _dark),

@@ -99,6 +99,7 @@ static void sample(Tile *tile)
     for (uint k = 0; k < tile->member_count; k++) {
         if (k % PATHS_BETWEEN_UPDATES == 0) far = update_far(tile);
         if (tile->bounds[tile->members[k]].near > far) return; // the rest is farther
+        if (!is_sampled_now(tile, tile->members[k])) continue;
         Moving m = load_moving(tile, tile->members[k]);
         for (int first = 0; first < tile->slabs; first += LANES) {
             touched_by(tile, &m, first, &touched);

@@ -38,6 +38,7 @@ static void scan_block(Tile *tile, const Moving *m, const Cull *cull, int block)
 static void sample(Tile *tile)
 {
     for (uint k = 0; k < tile->member_count; k++) {
+        if (!is_sampled_now(tile, tile->members[k])) continue;
         Moving m = load_moving(tile, tile->members[k]);
         Cull cull;
         if (!begin_path(tile, &m, &cull)) continue;
