@@ -41,7 +41,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
         *_shutter(exposure, moving),
         *_geometry(motion),
         *_transparency(exposure),
-        _mirrors(exposure),
+        *_mirrors(exposure),
         *_shading(exposure, motion, settings),
         _over_time(motion, settings, moving),
         _footprint(motion, settings),
@@ -82,7 +82,8 @@ def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     shape = filter_of(settings)
     weighted = shape is not None and shape.mass != 1.0
     lobes = f"the {settings.filter} filter has {'' if weighted else 'no '}negative lobes"
-    placed = lens or scattered or weighted
+    glossy = any(mirror.shear > 0.0 for mirror in exposure.mirrors)
+    placed = lens or glossy or scattered or weighted
     shared = settings.filter == "five_point"
     where = "each pixel has its own" if placed else "all pixels have the same"
     return (
@@ -136,11 +137,15 @@ def _transparency(exposure: Exposure) -> tuple[Effect, ...]:
     )
 
 
-def _mirrors(exposure: Exposure) -> Effect:
+def _mirrors(exposure: Exposure) -> tuple[Effect, ...]:
     named = _named("mesh", [mirror.name for mirror in exposure.mirrors])
     faces = sum(len(mesh.mesh.faces) for mesh in exposure.meshes if mesh.world)
     seen = f"{named}; {faces} triangles are seen in them" if exposure.mirrors else named
-    return Effect("mirrors", bool(exposure.mirrors), seen, "MIRRORS")
+    glossy = [mirror.name for mirror in exposure.mirrors if mirror.shear > 0.0]
+    return (
+        Effect("mirrors", bool(exposure.mirrors), seen, "MIRRORS"),
+        Effect("glossy mirrors", bool(glossy), _named("mesh", glossy), "GLOSSY"),
+    )
 
 
 def _shading(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:

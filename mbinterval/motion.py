@@ -18,6 +18,7 @@ from mbinterval.device import records
 from mbinterval.errors import CapacityError
 from mbinterval.scene.exposure import Exposure
 from mbinterval.scene.mesh_exposure import MeshExposure
+from mbinterval.scene.mirrors import Mirror
 from mbinterval.scene.model import Material
 from mbinterval.scene.poses import CameraPoses
 
@@ -82,10 +83,14 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     jobs, paths = [], []
     first = vertex = once = 0
     for index, mesh in enumerate(meshes):
-        row, camera = table[index], camera_index[id(mesh.poses)] if mesh.segments else 0
+        sheared = _shearing(exposure, mesh)
+        row, camera = table[index], 0
+        if mesh.segments or sheared is not None:
+            camera = camera_index[id(mesh.poses), mesh.world if sheared else 0]
         row["vertex"], row["count"] = vertex, mesh.positions.shape[1]
         row["camera"], row["material"] = camera, material_index[id(_material(mesh))]
         row["first"], row["world"], row["mirror"] = once, mesh.world, mesh.mirror
+        row["sheared"] = sheared is not None
         if mesh.mirror:
             row["reflectivity"] = exposure.mirrors[mesh.mirror - 1].reflectivity
         _add_attributes(row, mesh, pools)
@@ -200,22 +205,40 @@ def _motion_paths(mesh: MeshExposure, index: int, vertex: int) -> Record:
     return paths.ravel()
 
 
-def _camera_table(exposure: Exposure, width: int, height: int) -> tuple[Record, dict[int, int]]:
-    """The camera at all times that meshes ask for, and where the poses of each begin, by identity.
+def _shearing(exposure: Exposure, mesh: MeshExposure) -> Mirror | None:
+    """Return the glossy mirror that ``mesh`` is seen in, if it is."""
+    mirror = exposure.mirrors[mesh.world - 1] if mesh.world else None
+    return mirror if mirror is not None and mirror.shear > 0.0 else None
 
-    The first record is the camera at the shutter's opening, for what does not move.
+
+def _camera_table(
+    exposure: Exposure, width: int, height: int
+) -> tuple[Record, dict[tuple[int, int], int]]:
+    """The camera at all times that meshes ask for, and where the poses of each begin.
+
+    The first record is the camera at the shutter's opening, for what does not move. Poses are
+    named by their identity and by the glossy mirror, or 0, whose shear they have.
     """
-    asked = {id(poses): poses for poses in (mesh.poses for mesh in exposure.meshes)}
-    tables, index, count = [_camera_records(exposure, exposure.cameras[0], width, height)], {}, 1
-    for key, poses in asked.items():
+    asked = {}
+    for mesh in exposure.meshes:
+        mirror = _shearing(exposure, mesh)
+        asked[id(mesh.poses), mesh.world if mirror else 0] = mesh.poses, mirror
+    tables = [_camera_records(exposure, exposure.cameras[0], width, height)]
+    index, count = {}, 1
+    for key, (poses, mirror) in asked.items():
         index[key] = count
-        tables.append(_camera_records(exposure, poses, width, height))
+        tables.append(_camera_records(exposure, poses, width, height, mirror))
         count += len(tables[-1])
     return np.concatenate(tables), index
 
 
-def _camera_records(exposure: Exposure, poses: CameraPoses, width: int, height: int) -> Record:
-    """Matrices from the world, relative to the eye, to homogeneous pixels, and back; the lens."""
+def _camera_records(
+    exposure: Exposure, poses: CameraPoses, width: int, height: int, mirror: Mirror | None = None
+) -> Record:
+    """Matrices from the world, relative to the eye, to homogeneous pixels, and back; the lens.
+
+    With the shear of a glossy ``mirror`` (``cl/shared/shear.h``).
+    """
     camera = exposure.camera
     table = np.zeros(len(poses.eye), records.CAMERA)
     table["aperture"] = poses.aperture * poses.focal * height
@@ -229,7 +252,11 @@ def _camera_records(exposure: Exposure, poses: CameraPoses, width: int, height: 
         to_pixels = np.array([[focal, 0, -width / 2], [0, -focal, -height / 2], [0, 0, -1.0]])
         row["eye"] = eye
         row["matrix"] = (to_pixels @ rotation).ravel()
-        row["inverse"] = (rotation.T @ np.linalg.inv(to_pixels)).ravel()
+        inverse = rotation.T @ np.linalg.inv(to_pixels)
+        row["inverse"] = inverse.ravel()
+        if mirror is not None:
+            row["plane"] = *(mirror.normal @ inverse), mirror.heights(eye)
+            row["tilt"] = (to_pixels @ rotation @ mirror.tangents.T).T.ravel()
     return table
 
 

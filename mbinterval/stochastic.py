@@ -93,11 +93,12 @@ def _run_bounds(work: Work, motion: Motion) -> None:
     work.timings["bounds"] = 0.0
     if count == 0:
         return
+    glossy = [option for option in work.plan.options if option == "-DGLOSSY"]
     event = runtime.run(
-        runtime.kernel("stochastic/bounds.cl", "bounds"),
+        runtime.kernel("stochastic/bounds.cl", "bounds", glossy),
         -(-count // _PATHS_PER_ITEM),
         *(buffers["vertices"], buffers["paths"], np.uint32(count)),
-        *(buffers["meshes"], buffers["materials"]),
+        *(buffers["meshes"], buffers["materials"], buffers["cameras"]),
         *(np.int32(work.plan.width), np.int32(work.plan.height), buffers["bounds"]),
     )
     work.timings["bounds"] = seconds(event)
@@ -108,11 +109,11 @@ def _run_bin(work: Work, motion: Motion) -> NDArray[np.int64]:
     runtime, buffers, count = work.runtime, work.buffers, len(motion.paths)
     bounds = runtime.download(buffers["bounds"], (count,), records.BOUNDS)
     order = np.argsort(bounds["near"], kind="stable").astype(np.uint32)
-    names = ("vertices", "paths", "bounds")
+    names = ("vertices", "paths", "bounds", "meshes", "cameras")
     given = (*(buffers[name] for name in names), runtime.upload(order, "order"))
-    lens = [option for option in work.plan.options if option == "-DLENS"]
+    asked = [option for option in work.plan.options if option in ("-DLENS", "-DGLOSSY")]
     reach = reach_of(work.plan.settings)
-    return list_paths(work, "stochastic/bin.cl", lens, given, count, reach)
+    return list_paths(work, "stochastic/bin.cl", asked, given, count, reach)
 
 
 def _render_tiles(
@@ -142,7 +143,7 @@ def scratch_bytes(plan: Plan) -> int:
 
 def _scratch_words(plan: Plan) -> int:
     """Words of scratch for each sample: ``SCRATCH`` of ``cl/stochastic/tile.cl``."""
-    return 9 if "-DMIRRORS" in plan.options else 7
+    return 7 + 2 * ("-DMIRRORS" in plan.options) + 2 * ("-DGLOSSY" in plan.options)
 
 
 def _allocate(work: Work, workers: int) -> None:

@@ -26,7 +26,7 @@ SLABS = 64
 _SHARED = frozenset(
     ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "METALLIC", "EMISSION", "POINT_LIGHTS")
     + ("SPOT_LIGHTS", "TEXTURED", "VERTEX_COLOR", "SHADOWS")
-    + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA", "MIRRORS")
+    + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA", "MIRRORS", "GLOSSY")
     + ("FACE_COLOR", "BACKGROUND_IMAGE", "TRANSPARENT", "WEIGHTED", "ROLLING", "ROLLING_COLUMNS")
     + ("",)
 )
@@ -51,6 +51,10 @@ def stochastic_plan(
         raise UsageError("pattern='rgss' has no lens; use pattern='sobol', or leave f_stop out")
     if "LENS" in active and settings.test == "edges":
         raise UsageError("test='edges' has no lens; use test='vertices', or leave f_stop out")
+    if "GLOSSY" in active and settings.test == "edges":
+        raise UsageError(
+            "test='edges' has no glossy mirrors; use test='vertices', or leave reflection_shear out"
+        )
     if "WEIGHTED" in active and settings.pattern == "rgss":
         raise UsageError(f"pattern='rgss' has a filter of its own; leave out {settings.filter!r}")
     refuse_with_mirrors(active)

@@ -1,7 +1,8 @@
 """Rays through scenes with mirrors, in float64: an oracle that shares nothing with the kernels.
 
 A scene here is a list of `Surface`, triangles that move linearly. Rays go through the centres of
-pixels at many times, and where they meet a mirror on, from there, in the mirrored direction.
+pixels at many times, and where they meet a mirror on, from there, in the mirrored direction; of a
+glossy one in a direction near it, which leads off by (a, b) for each unit of distance from it.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ class Surface:
     color: tuple[float, ...]
     opacity: float = 1.0
     reflectivity: float = 0.0
+    shear: float = 0.0
     lit: bool = False
     specular: float = 0.0
 
@@ -37,6 +39,7 @@ class Surface:
         ends = np.moveaxis(self.corners, 1, 0).reshape(2, -1, 3)
         material = Material(
             base_color=self.color, opacity=self.opacity, reflectivity=self.reflectivity,
+            reflection_shear=self.shear,
             shading="phong" if self.lit else "unlit", specular=(self.specular,) * 3,
             shininess=SHININESS,
         )  # fmt: skip
@@ -68,19 +71,38 @@ def traced(
     return (found / times).reshape(size[1], size[0], 3)
 
 
-def _directions(size: tuple[int, int]) -> np.ndarray:
+def sampled(
+    surfaces: Sequence[Surface],
+    size: tuple[int, int],
+    times: int,
+    rng: np.random.Generator,
+    lights: Sequence[Light] = (),
+) -> np.ndarray:
+    """Likewise with random places in the pixels and on the discs of glossy mirrors."""
+    rays, found = _Rays(surfaces, lights), np.zeros((size[0] * size[1], 3))
+    for time in (np.arange(times) + rng.uniform(size=times)) / times:
+        rays.freeze(time)
+        radius, turn = np.sqrt(rng.uniform(size=len(found))), rng.uniform(0, 2 * np.pi, len(found))
+        rays.disc = radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        directions = _directions(size, rng.uniform(size=(len(found), 2)))
+        found += rays.seen(np.zeros_like(directions), directions, bounce=True)
+    return (found / times).reshape(size[1], size[0], 3)
+
+
+def _directions(size: tuple[int, int], within: np.ndarray | float = 0.5) -> np.ndarray:
     width, height = size
     reach = np.tan(np.radians(FOV / 2))
-    x = ((np.arange(width) + 0.5) / width * 2 - 1) * reach * width / height
-    y = -((np.arange(height) + 0.5) / height * 2 - 1) * reach
-    down, across = np.meshgrid(y, x, indexing="ij")
-    return np.stack([across, down, -np.ones_like(across)], axis=-1).reshape(-1, 3)
+    row, column = np.divmod(np.arange(width * height), width)
+    x, y = (np.stack([column, row], axis=1) + within).T
+    across = (x / width * 2 - 1) * reach * width / height
+    return np.stack([across, -(y / height * 2 - 1) * reach, -np.ones_like(across)], axis=-1)
 
 
 class _Rays:
     def __init__(self, surfaces: Sequence[Surface], lights: Sequence[Light]) -> None:
         self.surfaces, self.lights = surfaces, lights
         self.corners = np.concatenate([surface.corners for surface in surfaces])
+        self.disc: np.ndarray | None = None  # of each ray's mirrored direction
         self.owner = np.repeat(np.arange(len(surfaces)), [len(s.corners) for s in surfaces])
 
     def freeze(self, time: float) -> None:
@@ -121,7 +143,13 @@ class _Rays:
                 own = self.shaded(surface, at, ways, self.normals[face[on]])
                 if surface.reflectivity and bounce:
                     normal = self.normals[face[on]]
-                    turned = ways - 2 * np.sum(ways * normal, axis=1)[:, None] * normal
+                    along = np.sum(ways * normal, axis=1)[:, None]
+                    turned = ways - 2 * along * normal
+                    if self.disc is not None and surface.shear:
+                        first = np.cross(normal, [0.3, -0.5, 0.8])
+                        first /= np.linalg.norm(first, axis=1, keepdims=True)
+                        off = self.disc[on] * surface.shear * np.abs(along)
+                        turned += off[:, :1] * first + off[:, 1:] * np.cross(normal, first)
                     share = surface.reflectivity
                     own = (1 - share) * own + share * self.seen(at, turned, bounce=False)
                 color[on] += (rest[on] * surface.opacity)[:, None] * own

@@ -67,17 +67,24 @@ def seen_through() -> list[Mesh]:
     ]
 
 
-def mirrored() -> list[Mesh]:
+def mirrored(shear: float = 0.0) -> list[Mesh]:
     """Two mirrors, one with light of its own, and what moves, rests and is seen through in them."""
+    rng = np.random.default_rng(4)
+    veil = Material("veil", texture=Texture(rng.uniform(0, 1, (4, 4, 4))), alpha_mode="blend")
     corners = np.array([[-2.0, -2, -2.5], [2, -2, -4], [2, 2, -4], [-2, 2, -2.5]])
     glass = [
         Mesh(positions=corners + [x, 0, 0], faces=[[0, 1, 2], [0, 2, 3]], material=material)
         for x, material in (
-            (0.5, Material("pool", reflectivity=0.7)),
+            (0.5, Material("pool", reflectivity=0.7, reflection_shear=shear)),
             (-2.5, Material("pane", shading="unlit", reflectivity=1.0)),
         )
     ]
-    return [*glass, *seen_through(), triangles(3, near=-1.0)]
+    return [
+        *glass,
+        triangles(3),
+        triangles(2, moving=False, material=veil, uv=rng.uniform(0, 2, (6, 2))),
+        triangles(1, near=-1.0, material=Material("clay")),
+    ]
 
 
 def glassy_crowd() -> list[Mesh]:
@@ -162,6 +169,10 @@ SCENES = {
     ),
     "translucent, pools grow": Small(glassy_crowd, {"samples": 1}, capacity=24),
     "mirrors": Small(mirrored, {"samples": 2, "texture_samples": 18}),
+    "mirrors, glossy": Small(
+        lambda: mirrored(0.2), {"samples": 2, "texture_samples": 18, "anisotropy": 2},
+        Camera(**LENS),
+    ),
     "mirrors, recorded": Small(
         mirrored, {"samples": 1, "aovs": (*RECORDED, *LAYERS)}, Camera(**LENS), {"shutter": ROLL}
     ),
@@ -229,6 +240,12 @@ SCENES = {
     ),
     "stochastic, translucent": Small(seen_through, {"samples": 3} | POINTS),
     "stochastic, mirrors": Small(mirrored, {"samples": 3} | POINTS),
+    "stochastic, glossy mirrors": Small(
+        lambda: mirrored(0.2), {"samples": 3} | POINTS, Camera(**LENS)
+    ),
+    "accumulation, glossy mirrors": Small(
+        lambda: mirrored(0.2), {"method": "accumulation", "slices": 3, "samples": 2}
+    ),
     "stochastic, empty": Small(list, {"samples": 1} | POINTS),
     **{
         f"culling, {cull}": Small(

@@ -80,6 +80,10 @@ CALLED_FOR = {
     "transparency": (mesh(material=GLASS), "blended: material 'glass'"),
     "alpha that varies": (mesh(name="leaf", material=LEAF, uv=UV), "mesh 'leaf'"),
     "mirrors": (mesh(False, name="pool", material=POOL), "mesh 'pool'; 0 triangles are seen"),
+    "glossy mirrors": (
+        mesh(False, name="pool", material=dataclasses.replace(POOL, reflection_shear=0.1)),
+        "mesh 'pool'",
+    ),
     "vertex alpha": (mesh(material=FADING, **VERTEX_ALPHA), "mesh 'veil'"),
 }  # fmt: skip
 
@@ -316,6 +320,7 @@ SHARP = {"aovs": "sharp"}
 ONLY_EXACT = (
     *("glass", "leaf", "everything, seen through", "everything, recorded"),
     *("shaded", "shaded, at rest", "shaded, seen through", "mirrored", "everything, mirrored"),
+    "everything, in a glossy mirror",
 )
 CRYPTO = ("crypto_object", "deep")
 LAMPS = [Light("point", shadows=True), Light("directional", shadows=True)]
@@ -349,6 +354,16 @@ BUILT = {
             SEEN_THROUGH, meshes=[*SEEN_THROUGH.meshes, mesh(False, material=POOL)]
         ),
         {"aovs": (*RECORDED, "sharp", *LAYERS)},
+    ),
+    "everything, in a glossy mirror": (
+        dataclasses.replace(
+            SEEN_THROUGH,
+            meshes=[
+                *SEEN_THROUGH.meshes,
+                mesh(False, material=dataclasses.replace(POOL, reflection_shear=0.1)),
+            ],
+        ),
+        SHARP | {"anisotropy": 2},
     ),
     "everything, clear": (EVERYTHING, {"transparent": True, "samples": 1, "tile_size": 8}),
     "empty, with layers": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": LAYERS}),

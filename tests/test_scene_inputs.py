@@ -78,6 +78,7 @@ WRONG = [
     (mb.Material, {"double_sided": "no"}, "material: double_sided='no'", "True or False"),
     (mb.Material, {"opacity": 1.5}, "material: opacity=1.5", "up to 1"),
     (mb.Material, {"reflectivity": 1.5}, "material: reflectivity=1.5", "up to 1"),
+    (mb.Material, {"reflection_shear": -0.1}, "material: reflection_shear=-0.1", "from 0"),
     (mb.Material, {"alpha_mode": "clip"}, "material: alpha_mode='clip'", "'mask'"),
     (mb.Material, {"alpha_cutoff": -1}, "material: alpha_cutoff=-1", "0"),
     (mb.Material, {"name": (1, 0, 0)}, "material: name=(1, 0, 0)", "a text"),

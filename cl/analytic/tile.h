@@ -14,7 +14,7 @@
 // number of keys), ROLLING, ROLLING_COLUMNS, TRANSLUCENT (what is seen through), ALPHA_VARIES (over
 // a surface), VERTEX_ALPHA, SHADOWS (how many lights cast them); AOV_TIME and the layers of aov.h;
 // RECORDED (spans for the host), RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the
-// shutter that have a colour of their own), MIRRORS (which make stacks as what is TRANSLUCENT does).
+// shutter that have a colour of their own), MIRRORS (which make stacks as what is TRANSLUCENT does), GLOSSY.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
@@ -30,10 +30,15 @@
 #endif
 
 #define ROWS (LAYERS * TILE)
-#ifdef AOV_OPERATIONS
-#define SAMPLE_WORDS 19 // scratch words per sample: static_depth ... still, tested
+#ifdef GLOSSY
+#define PLACE_WORDS 6
 #else
-#define SAMPLE_WORDS 18
+#define PLACE_WORDS 4
+#endif
+#ifdef AOV_OPERATIONS
+#define SAMPLE_WORDS (PLACE_WORDS + 15) // scratch words per sample: static_depth ... still, tested
+#else
+#define SAMPLE_WORDS (PLACE_WORDS + 14)
 #endif
 #define SORT_ARRAYS 9
 #define NO_LIGHT 1e-6f // transmittance below which what lies behind is not seen

@@ -9,22 +9,23 @@
 #include "shared/lens.h"
 #include "shared/shutter.h"
 
-// Points of sixteen pixels: place in the pixel, share of the light that has passed, place on the
-// lens's unit square.
+// Points of sixteen pixels: place in the pixel, share of the light that has passed, places on the
+// unit squares of the lens and of the disc of glossy mirrors.
 typedef struct {
-    Lanes x, y, t, u, v;
+    Lanes x, y, t, u, v, a, b;
 } Drawn;
 
 // Seeds of a block's pixels, one for each dimension.
 typedef struct {
-    uint16 x, y, t, u, v;
+    uint16 x, y, t, u, v, a, b;
 } Seeds;
 
 static Seeds seeds_of(const Tile *tile, int block)
 {
     uint16 pixel = pixel_seeds(tile, block);
     Seeds seeds = {mix_lanes(pixel + 1u), mix_lanes(pixel + 2u), mix_lanes(pixel + 3u),
-                   mix_lanes(pixel + 4u), mix_lanes(pixel + 5u)};
+                   mix_lanes(pixel + 4u), mix_lanes(pixel + 5u), mix_lanes(pixel + 6u),
+                   mix_lanes(pixel + 7u)};
     return seeds;
 }
 
@@ -66,7 +67,10 @@ static inline void jitter_in_cell(uint16 cell, uint l, uint16 seed_x, uint16 see
 static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 {
     Drawn d;
-    d.u = d.v = 0.0f;
+    d.u = d.v = d.a = d.b = 0.0f;
+#ifdef GLOSSY
+    d.a = hashed(l, seeds->a), d.b = hashed(l, seeds->b);
+#endif
     d.t = ((float)l + hashed(l, seeds->t)) * (1.0f / SAMPLES);
     d.x = d.y = 0.0f;
 #if defined(PATTERN_SOBOL)
@@ -78,6 +82,9 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 #else
     d.x = scrambled(sobol(l, 1), seeds->x);
     d.y = scrambled(sobol(l, 2), seeds->y);
+#ifdef GLOSSY // with a lens it is drawn at random
+    d.a = scrambled(sobol(l, 3), seeds->a), d.b = scrambled(sobol(l, 4), seeds->b);
+#endif
 #endif
 #elif defined(PATTERN_RANDOM)
     d.t = hashed(l, seeds->t);
@@ -113,6 +120,10 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.t *= 1.0f / SLICES;
     d.u = scrambled(sobol(slice, 1), frame + 1u);
     d.v = scrambled(sobol(slice, 2), frame * 5u);
+#ifdef GLOSSY
+    d.a = scrambled(sobol(slice, 3), frame * 7u);
+    d.b = scrambled(sobol(slice, 4), frame * 9u);
+#endif
 #endif
     return d;
 }
@@ -281,6 +292,15 @@ static void rank_samples(const uint16 *keys, int slabs, int16 *ranks)
 }
 #endif
 
+// The point of lane i on the disc of glossy mirrors.
+static inline void store_shear(const Tile *tile, int index, const Drawn *d, int i)
+{
+#ifdef GLOSSY
+    float2 point = square_to_disc((float2)(((const float *)&d->a)[i], ((const float *)&d->b)[i]));
+    tile->as[index] = point.x, tile->bs[index] = point.y;
+#endif
+}
+
 static void scatter_block(const Tile *tile, int block)
 {
     Seeds seeds = seeds_of(tile, block);
@@ -311,11 +331,13 @@ static void scatter_block(const Tile *tile, int block)
             float2 point = lens_point(((float *)&d.u)[i], ((float *)&d.v)[i]);
             tile->us[to] = point.x, tile->vs[to] = point.y;
 #endif
+            store_shear(tile, to, &d, i);
         }
 #else
         vstore16(d.x, 0, tile->xs + index);
         vstore16(d.y, 0, tile->ys + index);
         vstore16(d.t, 0, tile->ts + index);
+        for (int i = 0; i < LANES; i++) store_shear(tile, index + i, &d, i);
 #endif
     }
 }

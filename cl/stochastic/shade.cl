@@ -58,6 +58,10 @@ static Samples gather_listed(const Tile *tile, const int *list, int count, Lanes
     GATHER(s.u, tile->us)
     GATHER(s.v, tile->vs)
 #endif
+#ifdef GLOSSY
+    GATHER(s.a, tile->as)
+    GATHER(s.b, tile->bs)
+#endif
 #undef GATHER
     return s;
 }
@@ -88,6 +92,11 @@ static Samples mean_of_listed(const Tile *tile, const int *list, int count, Lane
     float u = 0.0f, v = 0.0f;
     for (int i = 0; i < count; i++) u += tile->us[list[i]], v += tile->vs[list[i]];
     mean.u = u * over, mean.v = v * over;
+#endif
+#ifdef GLOSSY
+    float a = 0.0f, b = 0.0f;
+    for (int i = 0; i < count; i++) a += tile->as[list[i]], b += tile->bs[list[i]];
+    mean.a = a * over, mean.b = b * over;
 #endif
     *w = depth * over;
     return mean;

@@ -79,8 +79,10 @@ static void place_frame(Tile *tile, TileGrid grid)
     tile->frame.bottom = grid.height - 1 + grid.reach_high - y;
 }
 
-#ifdef MIRRORS
-#define SCRATCH 9 // floats per sample
+#if defined(GLOSSY)
+#define SCRATCH 11 // floats per sample
+#elif defined(MIRRORS)
+#define SCRATCH 9
 #else
 #define SCRATCH 7
 #endif
@@ -128,6 +130,9 @@ kernel void tile(
 #ifdef MIRRORS
         .mirror_zs = part[7], .mirror_owners = (global uint *)part[8],
         .film = frame, .background = background,
+#endif
+#ifdef GLOSSY
+        .as = part[9], .bs = part[10],
 #endif
         .color = pixels + (size_t)worker * PIXEL_VECTORS * SLAB
     };

@@ -12,7 +12,8 @@
 // SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, BLADES,
 // FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING, ROLLING_COLUMNS, TRANSLUCENT, ALPHA_VARIES,
 // VERTEX_ALPHA, SHADOWS (how many lights cast them), with SHADOW_MAP (texels along an edge),
-// SHADOW_STRATA and SHADOW_BIAS if they are looked up, MIRRORS, STATISTICS.
+// SHADOW_STRATA and SHADOW_BIAS if they are looked up, MIRRORS, GLOSSY,
+// STATISTICS.
 #ifndef MB_STOCHASTIC_TILE_H
 #define MB_STOCHASTIC_TILE_H
 
@@ -89,6 +90,9 @@ typedef struct {
     // Of each sample of the group:
     global float *xs, *ys, *ts;
     global float *us, *vs;       // on the lens
+#ifdef GLOSSY
+    global float *as, *bs;       // on the disc of glossy mirrors
+#endif
     global float *zs;            // depth of the nearest surface so far
     global uint *owners;         // its path, or NONE
 #ifdef MIRRORS

@@ -44,6 +44,8 @@ class Mirror:
         Of the plane, in the world; the normal has length 1.
     reflectivity
         Share of the light that it shows of what it mirrors, above 0.
+    shear
+        Radius of the disc over which it spreads what is at distance 1 from it.
     """
 
     index: int
@@ -51,6 +53,7 @@ class Mirror:
     point: Float64
     normal: Float64
     reflectivity: float
+    shear: float = 0.0
 
     @property
     def matrix(self) -> Float64:
@@ -59,6 +62,13 @@ class Mirror:
         matrix[:3, :3] -= 2.0 * np.outer(self.normal, self.normal)
         matrix[:3, 3] = 2.0 * (self.normal @ self.point) * self.normal
         return matrix
+
+    @property
+    def tangents(self) -> Float64:
+        """Two orthogonal directions within the plane, as long as ``shear``: ``(2, 3)``."""
+        across = np.cross(self.normal, np.eye(3)[np.argmin(np.abs(self.normal))])
+        across /= np.linalg.norm(across)
+        return self.shear * np.stack([across, np.cross(self.normal, across)])
 
     def heights(self, points: Float64) -> Float64:
         """Return signed distances of ``points`` ``(..., 3)`` from the plane."""
@@ -139,6 +149,7 @@ def _mirror_of(parts: Sequence[MeshExposure]) -> Mirror:
         point=corners[largest, 0],
         normal=normals[largest] / area,
         reflectivity=material.reflectivity,
+        shear=material.reflection_shear,
     )
     off = float(np.abs(mirror.heights(parts[0].positions[0][used])).max())
     if off > _FLATNESS * size:

@@ -96,7 +96,10 @@ class Material:
 
     With ``reflectivity``, from 0 to 1, a flat mesh is a mirror: it shows that share of the light
     that comes from where it mirrors the eye's view to, and the rest of its own colour. What is seen
-    in a mirror is reflected once: other mirrors have there their own colour alone.
+    in a mirror is reflected once: other mirrors have there their own colour alone. With
+    ``reflection_shear`` the mirror is glossy (Akenine-Möller et al. 2007, 4.3): what is at a
+    distance from it is sheared along it, evenly in all directions, and so spread over a disc whose
+    radius is ``reflection_shear`` times that distance.
 
     Alpha, as in glTF, is ``opacity`` times the texture's and the mesh colour's. ``alpha_mode``
     says what follows: ``"opaque"`` ignores it, ``"mask"`` shows the surface, opaque, where it is
@@ -117,6 +120,7 @@ class Material:
     emission_texture: Texture | None = None
     double_sided: bool = True
     reflectivity: float = 0.0
+    reflection_shear: float = 0.0
     opacity: float = 1.0
     alpha_mode: str = "auto"
     alpha_cutoff: float = 0.5
@@ -140,6 +144,9 @@ class Material:
             emission=checks.vector(self.emission, f"{where}: emission"),
             double_sided=checks.flag(self.double_sided, f"{where}: double_sided"),
             reflectivity=checks.number(self.reflectivity, f"{where}: reflectivity", 0.0, 1.0),
+            reflection_shear=checks.number(
+                self.reflection_shear, f"{where}: reflection_shear", 0.0
+            ),
             opacity=checks.number(self.opacity, f"{where}: opacity", 0.0, 1.0),
             alpha_mode=checks.choice(self.alpha_mode, ALPHA_MODES, f"{where}: alpha_mode"),
             alpha_cutoff=checks.number(self.alpha_cutoff, f"{where}: alpha_cutoff", 0.0),

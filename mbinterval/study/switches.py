@@ -87,6 +87,10 @@ def _dull(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, reflectivity=0.0)
 
 
+def _clear_mirrors(scene: Scene, _frame: float) -> Scene:
+    return _with_materials(scene, reflection_shear=0.0)
+
+
 def _unlit(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, shading="unlit")
 
@@ -148,6 +152,7 @@ SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "single-sided": ("both sides of every surface seen", _two_sided),
     "transparency": ("alpha ignored", _opaque),
     "mirrors": ("surfaces that mirror nothing", _dull),
+    "glossy mirrors": ("mirrors without shear", _clear_mirrors),
     "phong shading": ("colours without light", _unlit),
     "metallic-roughness shading": ("Phong's model instead", _phong),
     "emission": ("nothing glows", _dark),
