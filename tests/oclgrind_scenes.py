@@ -168,10 +168,9 @@ SCENES = {
         lambda: [triangles(6, moving=False, material=Material("glass", opacity=0.5))]
     ),
     "translucent, pools grow": Small(glassy_crowd, {"samples": 1}, capacity=24),
-    "mirrors": Small(mirrored, {"samples": 2, "texture_samples": 18}),
+    "mirrors": Small(mirrored, {"samples": 1}),
     "mirrors, glossy": Small(
-        lambda: mirrored(0.2), {"samples": 2, "texture_samples": 18, "anisotropy": 2},
-        Camera(**LENS),
+        lambda: mirrored(0.2), {"samples": 1, "anisotropy": 2}, Camera(**LENS)
     ),
     "mirrors, recorded": Small(
         mirrored, {"samples": 1, "aovs": (*RECORDED, *LAYERS)}, Camera(**LENS), {"shutter": ROLL}
