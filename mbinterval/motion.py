@@ -35,7 +35,8 @@ class Motion:
     ----------
     positions
         ``(n, 3)`` float64 world positions, mesh by mesh and time by time; ``jobs`` say what is
-        transformed by which of the ``cameras``, into ``vertex_count`` vertices.
+        transformed by which of the ``cameras``, into ``vertex_count`` vertices. ``world_jobs`` say
+        where these are in the world: what is seen in a mirror is where it is mirrored from.
     paths
         ``static_paths`` opaque triangles that do not move, then the motion paths, translucent
         triangles, mirrors and what is seen in them, mesh by mesh, segment by segment, face by face.
@@ -56,6 +57,7 @@ class Motion:
 
     positions: NDArray[np.float64]
     jobs: Record
+    world_jobs: Record
     cameras: Record
     vertex_count: int
     paths: Record
@@ -80,7 +82,8 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     sizes = {"color": 4 if any(map(has_vertex_alpha, meshes)) else 3, "uv": 2, "normal": 3}
     pools = {name: _Pool(size) for name, size in sizes.items()}
     table = np.zeros(len(meshes), records.MESH)
-    jobs, paths = [], []
+    jobs, world_jobs, paths = [], [], []
+    unmirrored: dict[tuple[int, float], tuple[MeshExposure, int]] = {}
     first = vertex = once = 0
     for index, mesh in enumerate(meshes):
         sheared = _shearing(exposure, mesh)
@@ -95,6 +98,8 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
             row["reflectivity"] = exposure.mirrors[mesh.mirror - 1].reflectivity
         _add_attributes(row, mesh, pools)
         jobs.append(_vertex_jobs(mesh, first, vertex, camera))
+        origin = unmirrored.setdefault((mesh.index, mesh.open), (mesh, first))
+        world_jobs.append(_vertex_jobs(*origin, vertex, camera))
         paths.append(_motion_paths(mesh, index, vertex))
         first += mesh.positions.shape[0] * mesh.positions.shape[1]
         vertex += (mesh.segments + 1) * mesh.positions.shape[1]
@@ -102,6 +107,7 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     return Motion(
         positions=_joined([mesh.positions.reshape(-1, 3) for mesh in meshes], np.float64),
         jobs=_joined(jobs, records.VERTEX_JOB),
+        world_jobs=_joined(world_jobs, records.VERTEX_JOB),
         cameras=cameras,
         vertex_count=vertex,
         paths=_joined(paths, records.PATH),

@@ -91,7 +91,6 @@ def make_plan(
         raise UsageError("paths='triangulated' has no lens; use paths='exact', or leave f_stop out")
     if (settings.paths, settings.occlusion) != ("exact", "exact"):
         _refuse_stacks(settings, active)
-    refuse_with_mirrors(active)
     if "SHADOWS" in active and settings.paths != "exact":
         raise UsageError("shadows need paths='exact'; use that, or shadows='off'")
     if exposure.roll is not None and set(FLOWS) & set(settings.aovs):
@@ -164,15 +163,6 @@ def _refuse_stacks(settings: Settings, active: set[str]) -> None:
                 f"{what} paths='exact' and occlusion='exact', not {given}; or give materials "
                 f"{remedy}"
             )
-
-
-def refuse_with_mirrors(active: set[str]) -> None:
-    """Refuse what mirrors do not show yet, in any method."""
-    if {"MIRRORS", "SHADOWS"} <= active:
-        raise UsageError(
-            "shadows are not found in mirrors; use shadows='off', or leave reflectivity out of "
-            "all materials"
-        )
 
 
 def _shading_sizes(settings: Settings) -> dict[str, int | str]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from mbinterval.appearance import casting
 from mbinterval.effects import Effect, effects_of
 from mbinterval.errors import UsageError
-from mbinterval.plan import Crop, Plan, refuse_with_mirrors, sampling_sizes
+from mbinterval.plan import Crop, Plan, sampling_sizes
 from mbinterval.sampling import pattern_of
 from mbinterval.settings import Settings
 
@@ -57,7 +57,6 @@ def stochastic_plan(
         )
     if "WEIGHTED" in active and settings.pattern == "rgss":
         raise UsageError(f"pattern='rgss' has a filter of its own; leave out {settings.filter!r}")
-    refuse_with_mirrors(active)
     shadow_map = "SHADOWS" in active and settings.shadow_map is not None
     samples = sample_count(settings)
     slabs = min(samples, SLABS)
@@ -126,8 +125,9 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
             else "they come in order of time",
             "REORDERED",
         ),
-        Effect("lines across the lens", "LENS" in active and settings.slice_lens == "line",
-               f"slice_lens={settings.slice_lens!r}", "LENS_LINES"),
+        Effect("lines across the lens",
+               bool(active & {"LENS", "GLOSSY"}) and settings.slice_lens == "line",
+               f"slice_lens={settings.slice_lens!r}", "SLICE_LINES"),
         Effect("culling", True, f"cull={settings.cull!r}", f"CULL_{settings.cull.upper()}"),
         Effect("edge functions over time", settings.test == "edges", f"test={settings.test!r}",
                "TEST_EDGES"),
@@ -148,7 +148,7 @@ def _own_sizes(settings: Settings, active: set[str]) -> dict[str, int | str]:
     samples = sample_count(settings)
     if "PATTERN_JITTERED" in active:
         sizes["GRID_X"] = _nearest_divisor(samples)
-    if active & {"PATTERN_SLICES", "LENS_LINES"}:
+    if active & {"PATTERN_SLICES", "SLICE_LINES"}:
         sizes["SLICES"] = settings.slices
     if settings.frameless > 1:
         sizes |= {"FRAMELESS": settings.frameless, "FRAMELESS_STEP": _step(settings.frameless)}

@@ -69,6 +69,8 @@ def upload_scene(
     eye = exposure.cameras[0].eye[0]
     mirrored = [mirror.light(light) for mirror in exposure.mirrors for light in exposure.lights]
     looks = appearance(motion.materials, (*exposure.lights, *mirrored), eye, casters)
+    own = looks.lights["shadow"][: len(exposure.lights)]
+    looks.lights["shadow"] = np.tile(own, 1 + len(exposure.mirrors))
     background = np.zeros(0, np.float32)
     if "-DBACKGROUND_IMAGE" in plan.options:
         x, y, width, height = plan.region

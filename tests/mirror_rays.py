@@ -126,6 +126,12 @@ class _Rays:
             found[inside, face] = t[inside]
         return found
 
+    def passed(self, origin: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """Shares of light that pass from the rays' ends to their starts."""
+        met = self.hits(origin, way) < 1.0
+        opacity = np.array([surface.opacity for surface in self.surfaces])[self.owner]
+        return np.prod(np.where(met, 1.0 - opacity, 1.0), axis=1)
+
     def seen(self, origin: np.ndarray, way: np.ndarray, bounce: bool) -> np.ndarray:
         """Colours at the ends of rays, past what is translucent."""
         distances, color = self.hits(origin, way), np.zeros_like(way)
@@ -179,6 +185,9 @@ class _Rays:
                 inner, outer = np.cos(np.radians([light.inner_angle, light.outer_angle]))
                 cosine = -(towards @ axis)[:, None]
                 strength = strength * np.clip((cosine - outer) / (inner - outer), 0, 1) ** 2
+            if light.shadows:
+                end = 1e6 if light.kind == "directional" else distance
+                strength = strength * self.passed(at, towards * end)[:, None]
             cosine = np.sum(normal * towards, axis=1, keepdims=True)
             mirrored = 2 * cosine * normal - towards
             shine = np.maximum(np.sum(mirrored * view, axis=1, keepdims=True), 0) ** SHININESS

@@ -170,7 +170,8 @@ SCENES = {
     "translucent, pools grow": Small(glassy_crowd, {"samples": 1}, capacity=24),
     "mirrors": Small(mirrored, {"samples": 1}),
     "mirrors, glossy": Small(
-        lambda: mirrored(0.2), {"samples": 1, "anisotropy": 2}, Camera(**LENS)
+        lambda: mirrored(0.2), {"samples": 1, "anisotropy": 2}, Camera(**LENS),
+        {"lights": LAMPS[:2]},
     ),
     "mirrors, recorded": Small(
         mirrored, {"samples": 1, "aovs": (*RECORDED, *LAYERS)}, Camera(**LENS), {"shutter": ROLL}

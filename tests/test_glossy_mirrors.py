@@ -75,6 +75,17 @@ def test_an_edge_is_a_ramp_as_wide_as_its_distance_from_the_mirror(values, near)
     assert rms(film(half_plane(1.2 * SHEAR), **values)[..., 0] - ramp(SHEAR)) > 1.5 * near
 
 
+def test_a_few_slices_along_lines_are_nearer_than_through_points():
+    of = half_plane(0.4)
+    truth = np.mean([film(of, samples=64, pattern="sobol", seed=k) for k in range(8)], axis=0)
+
+    def error(way: str) -> float:
+        ways = {"method": "accumulation", "slices": 4, "samples": 4, "slice_lens": way}
+        return rms(np.stack([film(of, seed=k, **ways) for k in range(8)]) - truth)
+
+    assert error("line") < 0.8 * error("point")
+
+
 def before_a_tilted_mirror(shear: float = 0.25) -> list[Surface]:
     """What moves before it, stands on it, and turns behind the eye; all is lit, without shine."""
     rng = np.random.default_rng(8)
@@ -138,8 +149,9 @@ LENS = Camera(position=(0, 0, 0), look_at=(0, 0, -1), focal_length=24.0, f_stop=
 
 
 def test_through_a_lens_point_samples_agree_too():
-    surfaces = before_a_tilted_mirror()
-    of = replace(scene(surfaces, LIGHTS), camera=LENS)
+    """And with shadows, whose rays share nothing with how they are solved in time."""
+    lights = [*LIGHTS[:1], replace(LIGHTS[1], shadows=True)]
+    of = replace(scene(before_a_tilted_mirror(), lights), camera=LENS)
     points = repeated(of, 200, method="stochastic")
     t, bound = welch(points, repeated(of, 40, pattern="sobol"), (200, 40))
     assert np.isfinite(t).sum() > 300

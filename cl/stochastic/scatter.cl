@@ -9,6 +9,12 @@
 #include "shared/lens.h"
 #include "shared/shutter.h"
 
+#ifdef LENS
+#define SHEAR_DIMENSION 3 // first of two of slices' points on the disc of glossy mirrors
+#else
+#define SHEAR_DIMENSION 1
+#endif
+
 // Points of sixteen pixels: place in the pixel, share of the light that has passed, places on the
 // unit squares of the lens and of the disc of glossy mirrors.
 typedef struct {
@@ -121,8 +127,8 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.u = scrambled(sobol(slice, 1), frame + 1u);
     d.v = scrambled(sobol(slice, 2), frame * 5u);
 #ifdef GLOSSY
-    d.a = scrambled(sobol(slice, 3), frame * 7u);
-    d.b = scrambled(sobol(slice, 4), frame * 9u);
+    d.a = scrambled(sobol(slice, SHEAR_DIMENSION), frame * 7u);
+    d.b = scrambled(sobol(slice, SHEAR_DIMENSION + 1), frame * 9u);
 #endif
 #endif
     return d;
@@ -181,15 +187,21 @@ static void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixe
 }
 #endif
 
-#ifdef LENS_LINES
-// Akenine-Moeller et al. 2007, 4.2: all samples of a slice look through one line across the lens,
-// each at a place of its own, drawn in each pixel.
+#ifdef SLICE_LINES
+// Akenine-Moeller et al. 2007, 4.2 and 4.3: all samples of a slice look through one line across the
+// lens, and one across the disc of glossy mirrors, each at a place of its own, drawn in each pixel.
 static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
 {
     const uint slice = l / (SAMPLES / SLICES);
     uint16 frame = (uint16)(mix_bits(tile->scene.seed + 13u));
+#ifdef LENS
     d->u = scrambled(sobol(slice, 1), frame + 1u);
     d->v = scrambled(sobol(l, 2), seeds->v);
+#endif
+#ifdef GLOSSY
+    d->a = scrambled(sobol(slice, SHEAR_DIMENSION), frame * 7u);
+    d->b = scrambled(sobol(l, SHEAR_DIMENSION + 1), seeds->b);
+#endif
 }
 #endif
 
@@ -227,8 +239,10 @@ static Lanes times_of_light(const Tile *tile, int block, Lanes passed)
 #ifdef LENS
 static inline float2 lens_point(float u, float v)
 {
-#if defined(LENS_LINES)
-    return square_to_lines((float2)(u, v));
+#if defined(SLICE_LINES) && defined(BLADES)
+    return square_to_polygon_lines((float2)(u, v));
+#elif defined(SLICE_LINES)
+    return square_to_disc_lines((float2)(u, v));
 #elif defined(BLADES)
     return square_to_polygon((float2)(u, v));
 #else
@@ -247,7 +261,7 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
 #ifdef PATTERN_INTERLEAVE_UVT
     draw_interleaved(tile, l, block_x(block), block_y(block), &d);
 #endif
-#ifdef LENS_LINES
+#ifdef SLICE_LINES
     draw_line(tile, l, seeds, &d);
 #endif
 #ifdef FRAMELESS
@@ -296,7 +310,12 @@ static void rank_samples(const uint16 *keys, int slabs, int16 *ranks)
 static inline void store_shear(const Tile *tile, int index, const Drawn *d, int i)
 {
 #ifdef GLOSSY
-    float2 point = square_to_disc((float2)(((const float *)&d->a)[i], ((const float *)&d->b)[i]));
+    float2 square = (float2)(((const float *)&d->a)[i], ((const float *)&d->b)[i]);
+#ifdef SLICE_LINES
+    float2 point = square_to_disc_lines(square);
+#else
+    float2 point = square_to_disc(square);
+#endif
     tile->as[index] = point.x, tile->bs[index] = point.y;
 #endif
 }

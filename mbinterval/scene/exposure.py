@@ -7,7 +7,7 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from mbinterval.errors import SceneError
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.framing import framing_camera, headlight
 from mbinterval.scene.mesh_exposure import MeshExposure, expose_mesh
-from mbinterval.scene.mirrors import Mirror, find_mirrors, numbered, seen_in
+from mbinterval.scene.mirrors import Mirror, find_mirrors, seen_in
 from mbinterval.scene.model import Light, Mesh, Scene, Vector
 from mbinterval.scene.poses import CameraPoses
 from mbinterval.scene.segments import View, choose_segments
@@ -65,6 +65,14 @@ class Exposure:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """Motion segments that meshes get which don't state their own; None is by path error."""
+
+    segments: int | None
+    error: float
+
+
 def expose(
     scene: Scene,
     frame: float,
@@ -101,18 +109,15 @@ def expose(
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
 
-    def expose_all(index: int, mesh: Mesh) -> list[MeshExposure]:
-        return [
-            replace(
-                _expose_stretch(mesh, stretch, view, cameras, motion_segments, motion_error),
-                index=index,
-            )
-            for stretch in mesh_stretches(mesh, window, camera)
-        ]
-
-    real = [part for index, mesh in meshes.items() for part in expose_all(index, mesh)]
-    mirrors = find_mirrors(real)
-    exposed = (*numbered(real, mirrors), *_mirrored(meshes, mirrors, expose_all))
+    asked = _Asked(motion_segments, motion_error)
+    exposed = tuple(
+        replace(_expose_stretch(mesh, stretch, view, cameras, asked), index=index)
+        for index, mesh in meshes.items()
+        for stretch in mesh_stretches(mesh, window, camera)
+    )
+    mirrors = find_mirrors(exposed)
+    if mirrors:
+        exposed = tuple(_with_mirrored(meshes, mirrors, view, cameras, asked))
     if not exposed:
         notes.append("no visible mesh: only the background is seen")
     notes += _outside(scene, window)
@@ -132,17 +137,41 @@ def expose(
     )
 
 
-def _mirrored(
+def _with_mirrored(
     meshes: Mapping[int, Mesh],
     mirrors: tuple[Mirror, ...],
-    expose_all: Callable[[int, Mesh], list[MeshExposure]],
+    view: View,
+    cameras: dict[int, CameraPoses],
+    asked: _Asked,
 ) -> Iterator[MeshExposure]:
-    """Yield what is seen in each mirror: all ``meshes`` but itself."""
-    for world, mirror in enumerate(mirrors, start=1):
-        for index, mesh in meshes.items():
-            copies = expose_all(index, mirror.mesh(mesh)) if index != mirror.index else []
-            for copy in copies:
-                yield from seen_in(mirror, replace(copy, world=world))
+    """Yield ``meshes`` and then, for each mirror, what is seen in it: all of them but itself.
+
+    A mesh has as many segments in each mirror as outside, the most that any of these asks for, so
+    that what is seen in mirrors is in the same place as what shades it.
+    """
+    worlds: list[list[MeshExposure]] = [[] for _ in range(len(mirrors) + 1)]
+    for index, mesh in meshes.items():
+        number = next((n for n, mirror in enumerate(mirrors, 1) if mirror.index == index), 0)
+        forms = {0: mesh} | {
+            world: mirror.mesh(mesh)
+            for world, mirror in enumerate(mirrors, start=1)
+            if world != number
+        }
+        for stretch in mesh_stretches(mesh, view.window, view.camera):
+            found = {
+                world: _expose_stretch(form, stretch, view, cameras, asked)
+                for world, form in forms.items()
+            }
+            most = max(found.values(), key=lambda part: part.segments)
+            for world, part in found.items():
+                if part.segments < most.segments:
+                    part = expose_mesh(
+                        forms[world], view.window, most.segments, most.poses, stretch, most.reason
+                    )
+                part = replace(part, index=index, world=world, mirror=0 if world else number)
+                worlds[world] += seen_in(mirrors[world - 1], part) if world else [part]
+    for parts in worlds:
+        yield from parts
 
 
 def mesh_stretches(mesh: Mesh, window: Window, camera: Camera) -> list[Stretch]:
@@ -163,13 +192,12 @@ def _expose_stretch(
     stretch: Stretch,
     view: View,
     cameras: dict[int, CameraPoses],
-    motion_segments: int | None,
-    motion_error: float,
+    asked: _Asked,
 ) -> MeshExposure:
     """Expose ``mesh`` over ``stretch``; poses of the whole shutter are kept in ``cameras``."""
-    count, reason = mesh.motion_segments or (mesh.times - 1) or motion_segments, "as asked for"
-    if mesh.motion_segments is None and motion_segments is None and motion_error < np.inf:
-        choice = choose_segments(mesh, view, stretch, motion_error)
+    count, reason = mesh.motion_segments or (mesh.times - 1) or asked.segments, "as asked for"
+    if mesh.motion_segments is None and asked.segments is None and asked.error < np.inf:
+        choice = choose_segments(mesh, view, stretch, asked.error)
         count, reason = choice.segments, choice.reason
     count = count or 1
     if stretch != WHOLE:

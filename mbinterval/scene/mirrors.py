@@ -116,13 +116,6 @@ def find_mirrors(meshes: Sequence[MeshExposure]) -> tuple[Mirror, ...]:
     return tuple(_mirror_of(parts) for parts in found.values())
 
 
-def numbered(meshes: Sequence[MeshExposure], mirrors: Sequence[Mirror]) -> Iterator[MeshExposure]:
-    """Yield ``meshes`` with the number of the mirror that each is."""
-    numbers = {mirror.index: number for number, mirror in enumerate(mirrors, start=1)}
-    for mesh in meshes:
-        yield replace(mesh, mirror=numbers[mesh.index]) if mesh.index in numbers else mesh
-
-
 def _mirror_of(parts: Sequence[MeshExposure]) -> Mirror:
     """Return the mirror that one mesh is; refuse one that is not flat, or whose plane moves."""
     mesh = parts[0].mesh
