@@ -111,12 +111,15 @@ def _run_paths(work: Work, motion: Motion) -> None:
         buffers[name] = runtime.allocate(size, name)
     if count == 0:
         return
-    options = tuple(option for option in work.plan.options if option in ("-DEXACT", "-DLENS"))
+    asked = ("-DEXACT", "-DLENS", "-DGLOSSY")
+    options = tuple(option for option in work.plan.options if option in asked)
+    cameras = [buffers["cameras"]] if "-DGLOSSY" in options else []
     event = runtime.run(
         runtime.kernel("analytic/paths.cl", "paths", options),
         -(-count // _PATHS_PER_ITEM),
         *(buffers["vertices"], buffers["paths"], np.uint32(count)),
-        *(buffers[name] for name in ("meshes", "materials", "shapes", "depths")),
+        *(buffers[name] for name in ("meshes", "materials")),
+        *(*cameras, buffers["shapes"], buffers["depths"]),
     )
     work.timings["paths"] += seconds(event)
 

@@ -120,6 +120,9 @@ def _mesh_lines(scene: Scene, exposure: Exposure) -> list[str]:
     lines = [f"{count} mesh{'' if count == 1 else 'es'}{hidden}"]
     for mesh in exposure.meshes[:_MOST_LISTED]:
         name = mesh.mesh.name or f"mesh {mesh.index}"
+        if mesh.world:
+            mirror = exposure.mirrors[mesh.world - 1]
+            name += f", seen in {mirror.name or f'mesh {mirror.index}'}"
         lines.append(f"  {name}: {len(mesh.mesh.faces)} faces, {_motion(mesh)}")
     if len(exposure.meshes) > _MOST_LISTED:
         lines.append(f"  and {len(exposure.meshes) - _MOST_LISTED} more")

@@ -42,6 +42,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
         *_shutter(exposure, moving),
         *_geometry(motion),
         *_transparency(exposure),
+        *_mirrors(exposure),
         *_shading(exposure, motion, settings),
         *_around(exposure, motion, settings),
         _over_time(motion, settings, moving),
@@ -60,7 +61,8 @@ def _motion(
     segments = sorted({mesh.segments for mesh in exposure.meshes if mesh.segments})
     plural = "" if segments == [1] else "s"
     many = f", {' and '.join(map(str, segments))} motion segment{plural}" if segments else ""
-    lists = f"{resting} translucent triangles do not move"
+    kinds = "translucent or mirrored" if exposure.mirrors else "translucent"
+    lists = f"{resting} {kinds} triangles do not move"
     lists += ", but go through the same lists" if resting else ""
     kind = f"paths={settings.paths!r}" if moving else "nothing moves"
     camera = "the camera moves: every mesh has motion paths" if exposure.camera_moves else (
@@ -82,7 +84,8 @@ def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     shape = filter_of(settings)
     weighted = shape is not None and shape.mass != 1.0
     lobes = f"the {settings.filter} filter has {'' if weighted else 'no '}negative lobes"
-    placed = lens or scattered or weighted
+    glossy = any(mirror.shear > 0.0 for mirror in exposure.mirrors)
+    placed = lens or glossy or scattered or weighted
     shared = settings.filter == "five_point"
     where = "each pixel has its own" if placed else "all pixels have the same"
     return (
@@ -136,13 +139,24 @@ def _transparency(exposure: Exposure) -> tuple[Effect, ...]:
     )
 
 
+def _mirrors(exposure: Exposure) -> tuple[Effect, ...]:
+    named = _named("mesh", [mirror.name for mirror in exposure.mirrors])
+    faces = sum(len(mesh.mesh.faces) for mesh in exposure.meshes if mesh.world)
+    seen = f"{named}; {faces} triangles are seen in them" if exposure.mirrors else named
+    glossy = [mirror.name for mirror in exposure.mirrors if mirror.shear > 0.0]
+    return (
+        Effect("mirrors", bool(exposure.mirrors), seen, "MIRRORS"),
+        Effect("glossy mirrors", bool(glossy), _named("mesh", glossy), "GLOSSY"),
+    )
+
+
 def _shading(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:
     phong = [m.name for m in motion.materials if m.shading == "phong"]
     metallic = [m.name for m in motion.materials if m.shading == "metallic_roughness"]
     glowing = [m.name for m in motion.materials if m.shading != "unlit" and any(m.emission)]
     lit = bool(phong or metallic)
     textured = [m.name for m in motion.materials if m.textures]
-    colored = [m.mesh.name for m in exposure.meshes if m.color is not None]
+    colored = [m.mesh.name for m in exposure.meshes if m.color is not None and not m.world]
     kinds = [light.kind for light in exposure.lights]
     spots = kinds.count("spot")
     points = kinds.count("point") + spots
@@ -211,8 +225,11 @@ def _film(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     if image and settings.transparent:
         behind = "the film is transparent"
     asked = "asked for" if settings.transparent else "not asked for"
+    seen = image and (not settings.transparent or bool(exposure.mirrors))
+    if seen and settings.transparent:
+        behind = "the film is transparent, but mirrors show it"
     return (
-        Effect("background image", image and not settings.transparent, behind, "BACKGROUND_IMAGE"),
+        Effect("background image", seen, behind, "BACKGROUND_IMAGE"),
         Effect("transparent film", settings.transparent, asked, "TRANSPARENT"),
     )
 

@@ -18,6 +18,7 @@ from mbinterval.device import records
 from mbinterval.errors import CapacityError
 from mbinterval.scene.exposure import Exposure
 from mbinterval.scene.mesh_exposure import MeshExposure
+from mbinterval.scene.mirrors import Mirror
 from mbinterval.scene.model import Material
 from mbinterval.scene.poses import CameraPoses
 
@@ -34,10 +35,11 @@ class Motion:
     ----------
     positions
         ``(n, 3)`` float64 world positions, mesh by mesh and time by time; ``jobs`` say what is
-        transformed by which of the ``cameras``, into ``vertex_count`` vertices.
+        transformed by which of the ``cameras``, into ``vertex_count`` vertices. ``world_jobs`` say
+        where these are in the world: what is seen in a mirror is where it is mirrored from.
     paths
-        ``static_paths`` opaque triangles that do not move, then the motion paths and translucent
-        triangles, mesh by mesh, segment by segment, face by face.
+        ``static_paths`` opaque triangles that do not move, then the motion paths, translucent
+        triangles, mirrors and what is seen in them, mesh by mesh, segment by segment, face by face.
     meshes
         One record per mesh, which points into ``color`` (three floats, or four where any mesh has
         an alpha of its vertices that counts), ``uv`` (two) and ``normal`` (three).
@@ -55,6 +57,7 @@ class Motion:
 
     positions: NDArray[np.float64]
     jobs: Record
+    world_jobs: Record
     cameras: Record
     vertex_count: int
     paths: Record
@@ -79,15 +82,24 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     sizes = {"color": 4 if any(map(has_vertex_alpha, meshes)) else 3, "uv": 2, "normal": 3}
     pools = {name: _Pool(size) for name, size in sizes.items()}
     table = np.zeros(len(meshes), records.MESH)
-    jobs, paths = [], []
+    jobs, world_jobs, paths = [], [], []
+    unmirrored: dict[tuple[int, float], tuple[MeshExposure, int]] = {}
     first = vertex = once = 0
     for index, mesh in enumerate(meshes):
-        row, camera = table[index], camera_index[id(mesh.poses)] if mesh.segments else 0
+        sheared = _shearing(exposure, mesh)
+        row, camera = table[index], 0
+        if mesh.segments or sheared is not None:
+            camera = camera_index[id(mesh.poses), mesh.world if sheared else 0]
         row["vertex"], row["count"] = vertex, mesh.positions.shape[1]
         row["camera"], row["material"] = camera, material_index[id(_material(mesh))]
-        row["first"] = once
+        row["first"], row["world"], row["mirror"] = once, mesh.world, mesh.mirror
+        row["sheared"] = sheared is not None
+        if mesh.mirror:
+            row["reflectivity"] = exposure.mirrors[mesh.mirror - 1].reflectivity
         _add_attributes(row, mesh, pools)
         jobs.append(_vertex_jobs(mesh, first, vertex, camera))
+        origin = unmirrored.setdefault((mesh.index, mesh.open), (mesh, first))
+        world_jobs.append(_vertex_jobs(*origin, vertex, camera))
         paths.append(_motion_paths(mesh, index, vertex))
         first += mesh.positions.shape[0] * mesh.positions.shape[1]
         vertex += (mesh.segments + 1) * mesh.positions.shape[1]
@@ -95,6 +107,7 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     return Motion(
         positions=_joined([mesh.positions.reshape(-1, 3) for mesh in meshes], np.float64),
         jobs=_joined(jobs, records.VERTEX_JOB),
+        world_jobs=_joined(world_jobs, records.VERTEX_JOB),
         cameras=cameras,
         vertex_count=vertex,
         paths=_joined(paths, records.PATH),
@@ -109,13 +122,16 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
 
 
 def in_order(exposure: Exposure) -> list[MeshExposure]:
-    """Return the meshes in the order of their records: opaque ones that don't move first."""
+    """Return the meshes in the order of their records: those of ``static_paths`` first."""
     return sorted(exposure.meshes, key=lambda mesh: not _is_static(mesh))
 
 
 def _is_static(mesh: MeshExposure) -> bool:
-    """Whether a z-buffer is enough for it: it stands still, and hides what is behind it."""
-    return mesh.segments == 0 and not is_translucent(mesh)
+    """Whether a z-buffer is enough for it: it stands still, and hides what is behind it.
+
+    A mirror shows something else, and what is seen in it hides that alone.
+    """
+    return not (mesh.segments or mesh.world or mesh.mirror or is_translucent(mesh))
 
 
 def _check_room(exposure: Exposure) -> None:
@@ -195,22 +211,40 @@ def _motion_paths(mesh: MeshExposure, index: int, vertex: int) -> Record:
     return paths.ravel()
 
 
-def _camera_table(exposure: Exposure, width: int, height: int) -> tuple[Record, dict[int, int]]:
-    """The camera at all times that meshes ask for, and where the poses of each begin, by identity.
+def _shearing(exposure: Exposure, mesh: MeshExposure) -> Mirror | None:
+    """Return the glossy mirror that ``mesh`` is seen in, if it is."""
+    mirror = exposure.mirrors[mesh.world - 1] if mesh.world else None
+    return mirror if mirror is not None and mirror.shear > 0.0 else None
 
-    The first record is the camera at the shutter's opening, for what does not move.
+
+def _camera_table(
+    exposure: Exposure, width: int, height: int
+) -> tuple[Record, dict[tuple[int, int], int]]:
+    """The camera at all times that meshes ask for, and where the poses of each begin.
+
+    The first record is the camera at the shutter's opening, for what does not move. Poses are
+    named by their identity and by the glossy mirror, or 0, whose shear they have.
     """
-    asked = {id(poses): poses for poses in (mesh.poses for mesh in exposure.meshes)}
-    tables, index, count = [_camera_records(exposure, exposure.cameras[0], width, height)], {}, 1
-    for key, poses in asked.items():
+    asked = {}
+    for mesh in exposure.meshes:
+        mirror = _shearing(exposure, mesh)
+        asked[id(mesh.poses), mesh.world if mirror else 0] = mesh.poses, mirror
+    tables = [_camera_records(exposure, exposure.cameras[0], width, height)]
+    index, count = {}, 1
+    for key, (poses, mirror) in asked.items():
         index[key] = count
-        tables.append(_camera_records(exposure, poses, width, height))
+        tables.append(_camera_records(exposure, poses, width, height, mirror))
         count += len(tables[-1])
     return np.concatenate(tables), index
 
 
-def _camera_records(exposure: Exposure, poses: CameraPoses, width: int, height: int) -> Record:
-    """Matrices from the world, relative to the eye, to homogeneous pixels, and back; the lens."""
+def _camera_records(
+    exposure: Exposure, poses: CameraPoses, width: int, height: int, mirror: Mirror | None = None
+) -> Record:
+    """Matrices from the world, relative to the eye, to homogeneous pixels, and back; the lens.
+
+    With the shear of a glossy ``mirror`` (``cl/shared/shear.h``).
+    """
     camera = exposure.camera
     table = np.zeros(len(poses.eye), records.CAMERA)
     table["aperture"] = poses.aperture * poses.focal * height
@@ -224,7 +258,11 @@ def _camera_records(exposure: Exposure, poses: CameraPoses, width: int, height: 
         to_pixels = np.array([[focal, 0, -width / 2], [0, -focal, -height / 2], [0, 0, -1.0]])
         row["eye"] = eye
         row["matrix"] = (to_pixels @ rotation).ravel()
-        row["inverse"] = (rotation.T @ np.linalg.inv(to_pixels)).ravel()
+        inverse = rotation.T @ np.linalg.inv(to_pixels)
+        row["inverse"] = inverse.ravel()
+        if mirror is not None:
+            row["plane"] = *(mirror.normal @ inverse), mirror.heights(eye)
+            row["tilt"] = (to_pixels @ rotation @ mirror.tangents.T).T.ravel()
     return table
 
 

@@ -91,12 +91,8 @@ def make_plan(
     active = {effect.macro for effect in effects if effect.active}
     if "LENS" in active and settings.paths == "triangulated":
         raise UsageError("paths='triangulated' has no lens; use paths='exact', or leave f_stop out")
-    if "TRANSLUCENT" in active and (settings.paths, settings.occlusion) != ("exact", "exact"):
-        raise UsageError(
-            "what is translucent needs paths='exact' and occlusion='exact', not "
-            f"paths={settings.paths!r} and occlusion={settings.occlusion!r}; or give materials "
-            "alpha_mode='opaque'"
-        )
+    if (settings.paths, settings.occlusion) != ("exact", "exact"):
+        _refuse_stacks(settings, active)
     if "SHADOWS" in active and settings.paths != "exact":
         raise UsageError("shadows need paths='exact'; use that, or shadows='off'")
     if "REFLECTIONS" in active and settings.paths != "exact":
@@ -160,6 +156,20 @@ def make_plan(
     )
 
 
+def _refuse_stacks(settings: Settings, active: set[str]) -> None:
+    """Refuse what is seen at once with settings that know one surface at a time."""
+    given = f"paths={settings.paths!r} and occlusion={settings.occlusion!r}"
+    for macro, what, remedy in (
+        ("TRANSLUCENT", "what is translucent needs", "alpha_mode='opaque'"),
+        ("MIRRORS", "mirrors need", "reflectivity=0"),
+    ):
+        if macro in active:
+            raise UsageError(
+                f"{what} paths='exact' and occlusion='exact', not {given}; or give materials "
+                f"{remedy}"
+            )
+
+
 def _shading_sizes(settings: Settings) -> dict[str, int | str]:
     """Return how often colour is evaluated along a span, or what decides that."""
     if settings.shading_times is None:
@@ -210,7 +220,7 @@ def shutter_keys(shutter: Shutter) -> NDArray[np.void]:
 def _time_stages(settings: Settings, active: set[str]) -> tuple[str, ...]:
     if settings.paths == "triangulated":
         return ("rasterize", "intervals", "sort", "occlude")
-    if "TRANSLUCENT" in active:
+    if active & {"TRANSLUCENT", "MIRRORS"}:
         return ("solve", "stack")
     return ("solve", "envelope" if settings.occlusion == "exact" else "mask")
 

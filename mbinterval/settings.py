@@ -200,7 +200,8 @@ class Settings:
     slice_lens
         What of an open lens each slice looks through: ``"point"``, one of its points (with
         stochastic slices each sample has its own), or ``"line"``, a line across it, of which each
-        sample has a point of its own (Akenine-Möller et al. 2007, 4.2).
+        sample has a point of its own (Akenine-Möller et al. 2007, 4.2); and likewise what of the
+        disc over which glossy mirrors spread what they show (4.3).
     statistics
         Count the samples that were tested and hit (``Film.stats``); it costs time.
     """

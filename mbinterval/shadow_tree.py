@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from mbinterval.appearance import casting
 from mbinterval.device import records
 from mbinterval.device.runtime import seconds
-from mbinterval.shadows import View, light_table, scaled, views_of, world_positions, world_vertices
+from mbinterval.shadows import (
+    View,
+    casters_of,
+    light_table,
+    scaled,
+    views_of,
+    world_positions,
+    world_vertices,
+)
 from mbinterval.work import Work
 
 if TYPE_CHECKING:
@@ -31,7 +39,9 @@ def prepare_rays(work: Work, motion: Motion) -> None:
     exposure, settings = work.exposure, work.plan.settings
     origin = np.asarray(exposure.cameras[0].eye[0])
     places = world_positions(motion, origin)
-    nodes, leaves = tree_of(motion.paths, places)
+    casters = casters_of(motion)
+    nodes, leaves = tree_of(motion.paths[casters], places)
+    leaves[leaves != records.NONE] = casters[leaves[leaves != records.NONE]]
     lights = [exposure.lights[index] for index in casting(exposure, settings)]
     seen = [views_of(light, origin, places) if len(places) else [] for light in lights]
     flat = [view for views in seen for view in views]

@@ -35,12 +35,21 @@ _PATHS_PER_ITEM = 256
 
 
 def world_positions(motion: Motion, origin: Float64) -> Float64:
-    """Return where the vertices that paths name are in the world, from ``origin``: ``(n, 3)``."""
+    """Return where the vertices that paths name are in the world, from ``origin``: ``(n, 3)``.
+
+    What is seen in mirrors is where it is mirrored from.
+    """
     places = np.zeros((motion.vertex_count, 3))
-    for job in motion.jobs:
+    for job in motion.world_jobs:
         first, start, count = int(job["output"]), int(job["input"]), int(job["count"])
         places[first : first + count] = motion.positions[start : start + count] - origin
     return places
+
+
+def casters_of(motion: Motion) -> NDArray[np.uint32]:
+    """Return the paths that may stand in the light: all but what is seen in mirrors."""
+    reflected = motion.meshes["world"][motion.paths["mesh"]] > 0
+    return np.flatnonzero(~reflected).astype(np.uint32)
 
 
 def world_vertices(places: Float64) -> NDArray[np.void]:
@@ -196,8 +205,8 @@ def _listed(
     materials = work.runtime.upload(np.zeros(len(motion.materials), records.MATERIAL), "materials")
     for view in views:
         seen = places @ view.matrix[:, :3].T + view.matrix[:, 3]
-        nears = _least_depths(seen[:, 3], motion)
-        order = work.runtime.upload(np.argsort(nears, kind="stable").astype(np.uint32), "order")
+        nears, casters = _least_depths(seen[:, 3], motion), casters_of(motion)
+        order = casters[np.argsort(nears[casters], kind="stable")]
         size, found = _first_size(len(motion.paths)), None
         while found is None:
             found = _list_view(work, motion, seen, size, materials, order)
@@ -234,7 +243,12 @@ def _least_depths(depth: Float64, motion: Motion) -> NDArray[np.float32]:
 
 
 def _list_view(
-    work: Work, motion: Motion, seen: Float64, size: int, materials: Any, order: Any
+    work: Work,
+    motion: Motion,
+    seen: Float64,
+    size: int,
+    materials: Any,
+    order: NDArray[np.uint32],
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.void]] | None:
     """Return starts and members of the tiles, and shapes; None if members are too many."""
     runtime, buffers, count = work.runtime, work.buffers, len(motion.paths)
@@ -247,8 +261,9 @@ def _list_view(
         *(shapes, runtime.allocate(0, "depths")),
     )
     work.timings["paths"] += seconds(event)
+    given = shapes, runtime.upload(order, "order")
     lists = Lists(
-        runtime, "analytic/bin.cl", (), (shapes, order), count, (0, 0, size, size), 1, (0, 1, 0, 1)
+        runtime, "analytic/bin.cl", (), given, len(order), (0, 0, size, size), 1, (0, 1, 0, 1)
     )
     total = int(lists.starts[-1])
     if size > _SIZES[1] and (total == records.NONE or total > max(_MEMBERS, 16 * count)):

@@ -56,7 +56,6 @@ _SHADOWS = (
     *("world", "shadow_lights", "tree", "leaves", "leaf_nodes", "light_views", "shadow_map"),
 )
 _PATHS_PER_ITEM = 256
-_SCRATCH_WORDS = 7
 _SLAB = 256
 _PIXEL_VECTORS = 8
 
@@ -95,11 +94,12 @@ def _run_bounds(work: Work, motion: Motion) -> None:
     work.timings["bounds"] = 0.0
     if count == 0:
         return
+    glossy = [option for option in work.plan.options if option == "-DGLOSSY"]
     event = runtime.run(
-        runtime.kernel("stochastic/bounds.cl", "bounds"),
+        runtime.kernel("stochastic/bounds.cl", "bounds", glossy),
         -(-count // _PATHS_PER_ITEM),
         *(buffers["vertices"], buffers["paths"], np.uint32(count)),
-        *(buffers["meshes"], buffers["materials"]),
+        *(buffers["meshes"], buffers["materials"], buffers["cameras"]),
         *(np.int32(work.plan.width), np.int32(work.plan.height), buffers["bounds"]),
     )
     work.timings["bounds"] = seconds(event)
@@ -110,11 +110,11 @@ def _run_bin(work: Work, motion: Motion) -> NDArray[np.int64]:
     runtime, buffers, count = work.runtime, work.buffers, len(motion.paths)
     bounds = runtime.download(buffers["bounds"], (count,), records.BOUNDS)
     order = np.argsort(bounds["near"], kind="stable").astype(np.uint32)
-    names = ("vertices", "paths", "bounds")
+    names = ("vertices", "paths", "bounds", "meshes", "cameras")
     given = (*(buffers[name] for name in names), runtime.upload(order, "order"))
-    lens = [option for option in work.plan.options if option == "-DLENS"]
+    asked = [option for option in work.plan.options if option in ("-DLENS", "-DGLOSSY")]
     reach = reach_of(work.plan.settings)
-    return list_paths(work, "stochastic/bin.cl", lens, given, count, reach)
+    return list_paths(work, "stochastic/bin.cl", asked, given, count, reach)
 
 
 def _render_tiles(
@@ -139,7 +139,12 @@ def _render_tiles(
 
 def scratch_bytes(plan: Plan) -> int:
     """Return the bytes of a worker's scratch: the samples and the pixels of a tile."""
-    return (4 * _SCRATCH_WORDS * plan.layers + 16 * _PIXEL_VECTORS) * _SLAB
+    return (4 * _scratch_words(plan) * plan.layers + 16 * _PIXEL_VECTORS) * _SLAB
+
+
+def _scratch_words(plan: Plan) -> int:
+    """Words of scratch for each sample: ``SCRATCH`` of ``cl/stochastic/tile.cl``."""
+    return 7 + 2 * ("-DMIRRORS" in plan.options) + 2 * ("-DGLOSSY" in plan.options)
 
 
 def _allocate(work: Work, workers: int) -> None:
@@ -148,7 +153,7 @@ def _allocate(work: Work, workers: int) -> None:
     kept = 4 if "rgss" in work.plan.stages else 1
     sizes = {
         "next": 4,
-        "samples": 4 * _SCRATCH_WORDS * work.plan.layers * _SLAB * workers,
+        "samples": 4 * _scratch_words(work.plan) * work.plan.layers * _SLAB * workers,
         "pixels": 16 * _PIXEL_VECTORS * _SLAB * workers,
         "counters": 8 * len(TILE_STAGES + _COUNTS) * workers,
         "rgba": 16 * kept * width * height,

@@ -26,7 +26,7 @@ SLABS = 64
 _SHARED = frozenset(
     ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "METALLIC", "EMISSION", "POINT_LIGHTS")
     + ("SPOT_LIGHTS", "TEXTURED", "VERTEX_COLOR", "SHADOWS", "ENVIRONMENT", "SKY", "REFLECTIONS")
-    + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA")
+    + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA", "MIRRORS", "GLOSSY")
     + ("FACE_COLOR", "BACKGROUND_IMAGE", "TRANSPARENT", "WEIGHTED", "ROLLING", "ROLLING_COLUMNS")
     + ("",)
 )
@@ -51,6 +51,10 @@ def stochastic_plan(
         raise UsageError("pattern='rgss' has no lens; use pattern='sobol', or leave f_stop out")
     if "LENS" in active and settings.test == "edges":
         raise UsageError("test='edges' has no lens; use test='vertices', or leave f_stop out")
+    if "GLOSSY" in active and settings.test == "edges":
+        raise UsageError(
+            "test='edges' has no glossy mirrors; use test='vertices', or leave reflection_shear out"
+        )
     if "WEIGHTED" in active and settings.pattern == "rgss":
         raise UsageError(f"pattern='rgss' has a filter of its own; leave out {settings.filter!r}")
     shadow_map = "SHADOWS" in active and settings.shadow_map is not None
@@ -122,8 +126,9 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
             else "they come in order of time",
             "REORDERED",
         ),
-        Effect("lines across the lens", "LENS" in active and settings.slice_lens == "line",
-               f"slice_lens={settings.slice_lens!r}", "LENS_LINES"),
+        Effect("lines across the lens",
+               bool(active & {"LENS", "GLOSSY"}) and settings.slice_lens == "line",
+               f"slice_lens={settings.slice_lens!r}", "SLICE_LINES"),
         Effect("culling", True, f"cull={settings.cull!r}", f"CULL_{settings.cull.upper()}"),
         Effect("edge functions over time", settings.test == "edges", f"test={settings.test!r}",
                "TEST_EDGES"),
@@ -144,7 +149,7 @@ def _own_sizes(settings: Settings, active: set[str]) -> dict[str, int | str]:
     samples = sample_count(settings)
     if "PATTERN_JITTERED" in active:
         sizes["GRID_X"] = _nearest_divisor(samples)
-    if active & {"PATTERN_SLICES", "LENS_LINES"}:
+    if active & {"PATTERN_SLICES", "SLICE_LINES"}:
         sizes["SLICES"] = settings.slices
     if settings.frameless > 1:
         sizes |= {"FRAMELESS": settings.frameless, "FRAMELESS_STEP": _step(settings.frameless)}

@@ -58,7 +58,7 @@ _TRIANGULATED_POOLS = {
     "sorting": records.SORTING,
     "sorted": records.INTERVAL,
 }
-_SAMPLE_WORDS, _PIXEL_VECTORS = 18, 2
+_PIXEL_VECTORS = 2
 LANES = 16
 """Records that every pool has beyond its capacity, for whole vectors to be written."""
 _GROWTH = 4
@@ -114,7 +114,7 @@ def _allocate(work: Work, workers: int) -> None:
     sizes = {
         "next": 4,
         "failed": 4 * columns * rows,
-        "samples": 4 * (_SAMPLE_WORDS + ("operations" in asked)) * work.plan.layers * pixels,
+        "samples": 4 * _sample_words(work.plan) * work.plan.layers * pixels,
         "pixels": 16 * (_PIXEL_VECTORS + ("sharp" in asked)) * pixels,
         "counters": 8 * len(TILE_STAGES + _COUNTS) * workers,
         "rgba": 16 * width * height,
@@ -126,6 +126,12 @@ def _allocate(work: Work, workers: int) -> None:
         sizes["stamps"] = 4 * int(work.buffers["path_count"]) * workers
     for name, size in sizes.items():
         work.buffers[name] = work.runtime.allocate(size, name)
+
+
+def _sample_words(plan: Plan) -> int:
+    """Words of scratch for each sample: ``SAMPLE_WORDS`` of ``cl/analytic/tile.h``."""
+    glossy = 2 if "-DGLOSSY" in plan.options else 0
+    return 18 + glossy + ("operations" in plan.settings.aovs)
 
 
 def pools(plan: Plan) -> dict[str, np.dtype[np.void]]:

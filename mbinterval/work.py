@@ -67,12 +67,18 @@ def upload_scene(
     # Lights are placed relative to the eye, so that they are as exact far from the origin.
     casters = casting(exposure, plan.settings) if shadow_count(plan) else ()
     eye = exposure.cameras[0].eye[0]
-    looks = appearance(motion.materials, exposure.lights, eye, casters)
+    mirrored = [mirror.light(light) for mirror in exposure.mirrors for light in exposure.lights]
+    looks = appearance(motion.materials, (*exposure.lights, *mirrored), eye, casters)
+    own = looks.lights["shadow"][: len(exposure.lights)]
+    looks.lights["shadow"] = np.tile(own, 1 + len(exposure.mirrors))
     background = np.zeros(0, np.float32)
     if "-DBACKGROUND_IMAGE" in plan.options:
-        x, y, width, height = plan.crop
+        x, y, width, height = plan.region
         image = fit_background(np.asarray(exposure.background), plan.width, plan.height)
-        background = np.ascontiguousarray(image[y : y + height, x : x + width])
+        # The region may reach out of the frame by a pixel.
+        rows = np.clip(np.arange(y, y + height), 0, plan.height - 1)
+        columns = np.clip(np.arange(x, x + width), 0, plan.width - 1)
+        background = np.ascontiguousarray(image[rows[:, None], columns])
     arrays = {
         "positions": motion.positions,
         "jobs": motion.jobs,
@@ -95,7 +101,7 @@ def upload_scene(
     buffers: dict[str, Any] = {}
     for name, array in arrays.items():
         buffers[name] = runtime.upload(array, name)
-    buffers["light_count"], buffers["static_paths"] = len(looks.lights), motion.static_paths
+    buffers["light_count"], buffers["static_paths"] = len(exposure.lights), motion.static_paths
     buffers["sky_count"] = np.uint32(len(motion.places.get("sky", ())))
     return buffers
 

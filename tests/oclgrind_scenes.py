@@ -77,7 +77,7 @@ def seen_through() -> list[Mesh]:
     ]
 
 
-def mirrors() -> list[Mesh]:
+def chromed() -> list[Mesh]:
     """Metals that mirror the environment and their own surroundings, moving and at rest; glass."""
     rng = np.random.default_rng(4)
     metal = {"shading": "metallic_roughness", "metallic": 1.0}
@@ -89,6 +89,26 @@ def mirrors() -> list[Mesh]:
         triangles(2, moving=False, material=chrome, reflections=asked),
         triangles(2, moving=False, material=Material("clay")),
         triangles(2, material=Material("glass", shading="unlit", opacity=0.5)),
+    ]
+
+
+def mirrored(shear: float = 0.0) -> list[Mesh]:
+    """Two mirrors, one with light of its own, and what moves, rests and is seen through in them."""
+    rng = np.random.default_rng(4)
+    veil = Material("veil", texture=Texture(rng.uniform(0, 1, (4, 4, 4))), alpha_mode="blend")
+    corners = np.array([[-2.0, -2, -2.5], [2, -2, -4], [2, 2, -4], [-2, 2, -2.5]])
+    glass = [
+        Mesh(positions=corners + [x, 0, 0], faces=[[0, 1, 2], [0, 2, 3]], material=material)
+        for x, material in (
+            (0.5, Material("pool", reflectivity=0.7, reflection_shear=shear)),
+            (-2.5, Material("pane", shading="unlit", reflectivity=1.0)),
+        )
+    ]
+    return [
+        *glass,
+        triangles(3),
+        triangles(2, moving=False, material=veil, uv=rng.uniform(0, 2, (6, 2))),
+        triangles(1, near=-1.0, material=Material("clay")),
     ]
 
 
@@ -174,6 +194,14 @@ SCENES = {
         lambda: [triangles(6, moving=False, material=Material("glass", opacity=0.5))]
     ),
     "translucent, pools grow": Small(glassy_crowd, {"samples": 1}, capacity=24),
+    "mirrors": Small(mirrored, {"samples": 1}),
+    "mirrors, glossy": Small(
+        lambda: mirrored(0.2), {"samples": 1, "anisotropy": 2}, Camera(**LENS),
+        {"lights": LAMPS[:2]},
+    ),
+    "mirrors, recorded": Small(
+        mirrored, {"samples": 1, "aovs": (*RECORDED, *LAYERS)}, Camera(**LENS), {"shutter": ROLL}
+    ),
     "shadows": Small(
         shaded, {"samples": 2, "texture_samples": 18, "motion_segments": 2}, scene={"lights": LAMPS}
     ),
@@ -237,6 +265,13 @@ SCENES = {
         scene={"shutter": ROLL},
     ),
     "stochastic, translucent": Small(seen_through, {"samples": 3} | POINTS),
+    "stochastic, mirrors": Small(mirrored, {"samples": 3} | POINTS),
+    "stochastic, glossy mirrors": Small(
+        lambda: mirrored(0.2), {"samples": 3} | POINTS, Camera(**LENS)
+    ),
+    "accumulation, glossy mirrors": Small(
+        lambda: mirrored(0.2), {"method": "accumulation", "slices": 3, "samples": 2}
+    ),
     "stochastic, empty": Small(list, {"samples": 1} | POINTS),
     **{
         f"culling, {cull}": Small(
@@ -248,9 +283,9 @@ SCENES = {
                      "clip_space_printed", "trim", "zmax", "zmax_strata", "zmin",
                      "zmin_strata")
     },
-    "environment": Small(mirrors, {"samples": 2}, Camera(**LENS), scene=SKY),
+    "environment": Small(chromed, {"samples": 2}, Camera(**LENS), scene=SKY),
     "stochastic, environment": Small(
-        mirrors, {"samples": 3, "filter": "mitchell"} | POINTS, Camera(**LENS), scene=SKY
+        chromed, {"samples": 3, "filter": "mitchell"} | POINTS, Camera(**LENS), scene=SKY
     ),
     "accumulation": Small(
         colorful, {"method": "accumulation", "slices": 3, "samples": 2, "motion_segments": 1}

@@ -65,6 +65,7 @@ SEE_THROUGH = Texture(np.random.default_rng(0).uniform(0, 1, (4, 4, 4)))
 LEAF = Material("leaf", texture=SEE_THROUGH, shading="unlit", alpha_mode="mask")
 FADING = Material("fading", shading="unlit", alpha_mode="blend")
 VERTEX_ALPHA = {"color": np.eye(4), "color_domain": "vertex", "name": "veil"}
+POOL = Material("pool", shading="unlit", reflectivity=0.5)
 FACE_COLOR = {"color": np.eye(2, 3), "color_domain": "face", "name": "tiles"}
 
 CALLED_FOR = {
@@ -78,6 +79,11 @@ CALLED_FOR = {
     "vertex colour": (mesh(**VERTEX_COLOR), "mesh 'flag'"),
     "transparency": (mesh(material=GLASS), "blended: material 'glass'"),
     "alpha that varies": (mesh(name="leaf", material=LEAF, uv=UV), "mesh 'leaf'"),
+    "mirrors": (mesh(False, name="pool", material=POOL), "mesh 'pool'; 0 triangles are seen"),
+    "glossy mirrors": (
+        mesh(False, name="pool", material=dataclasses.replace(POOL, reflection_shear=0.1)),
+        "mesh 'pool'",
+    ),
     "vertex alpha": (mesh(material=FADING, **VERTEX_ALPHA), "mesh 'veil'"),
 }  # fmt: skip
 
@@ -257,6 +263,20 @@ def test_what_is_translucent_has_the_stage_of_stacks_and_only_the_code_that_it_n
     assert "transparency at rest" not in active(planned)
 
 
+def test_a_scene_without_mirrors_leaves_no_code_of_them():
+    """To the letter the options of a scene whose materials know of no mirror."""
+    names = ("mirror_among", "mirrored_background", "mirror_seen", "reflectivity", "enter_mirrors")
+    for material in (Material(shading="unlit"), GLASS):
+        dull = mesh(False, material=dataclasses.replace(material, reflectivity=0.0))
+        without = mesh(False, material=material)
+        planned = plan(mesh(), dull)
+        assert planned.options == plan(mesh(), without).options
+        assert not [option for option in planned.options if "MIRROR" in option]
+        poisoned = names if material is not GLASS else names[1:]  # what a stack is asked for
+        assert builds_without(planned, poisoned, "shared/records.h")
+    assert not builds_without(plan(mesh(), mesh(False, material=POOL)), names, "shared/records.h")
+
+
 CODE = {
     "sharp": "add_moment",
     "depth": "PLANE_DEPTH",
@@ -333,8 +353,8 @@ SEEN_THROUGH = dataclasses.replace(
 SHARP = {"aovs": "sharp"}
 ONLY_EXACT = (
     *("glass", "leaf", "everything, seen through", "everything, recorded"),
-    *("shaded", "shaded, at rest", "shaded, seen through"),
-    *("around", "around, empty", "around, at rest"),
+    *("shaded", "shaded, at rest", "shaded, seen through", "mirrored", "everything, mirrored"),
+    *("everything, in a glossy mirror", "around", "around, empty", "around, at rest"),
 )
 HALL = mb.Environment(np.ones((4, 8, 3)))
 CHROME = Material("chrome", shading="metallic_roughness", metallic=1.0)
@@ -378,6 +398,26 @@ BUILT = {
     "around, lit": (
         Scene(meshes=[mesh(material=Material())], camera=UNIT_CAMERA, environment=HALL),
         {},
+    ),
+    "mirrored": (
+        Scene(meshes=[mesh(), mesh(False, material=POOL)], camera=UNIT_CAMERA),
+        {},
+    ),
+    "everything, mirrored": (
+        dataclasses.replace(
+            SEEN_THROUGH, meshes=[*SEEN_THROUGH.meshes, mesh(False, material=POOL)]
+        ),
+        {"aovs": (*RECORDED, "sharp", *LAYERS)},
+    ),
+    "everything, in a glossy mirror": (
+        dataclasses.replace(
+            SEEN_THROUGH,
+            meshes=[
+                *SEEN_THROUGH.meshes,
+                mesh(False, material=dataclasses.replace(POOL, reflection_shear=0.1)),
+            ],
+        ),
+        SHARP | {"anisotropy": 2},
     ),
     "everything, clear": (EVERYTHING, {"transparent": True, "samples": 1, "tile_size": 8}),
     "empty, with layers": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": LAYERS}),

@@ -7,6 +7,7 @@
 #ifndef MB_BLEND_H
 #define MB_BLEND_H
 
+#include "analytic/mirrors.h"
 #include "analytic/shutter.h"
 
 // Average over a stack's time: colour premultiplied with alpha, and depth times alpha.
@@ -48,7 +49,7 @@ static inline void scale_added(const Tile *tile, uint count, float by)
 
 static inline float alpha_of(const Tile *tile, Span span)
 {
-    return tile->scene.paths[span.source].alpha;
+    return alpha_of_path(tile, span.source);
 }
 
 static inline float middle_depth(const Tile *tile, Span span, Place place)
@@ -99,6 +100,7 @@ static bool blend_places(const Tile *tile, int sample, global const Span *spans,
     Lanes rest = 1.0f;
     const float given = lanes_sum(light);
     float left = given;
+    uint mirror = mirror_among(tile, spans, count);
     Colors all = {0.0f, 0.0f, 0.0f, 0.0f};
     sum->depth = 0.0f;
     for (uint i = 0; i < count && left > NO_LIGHT * given; i++) {
@@ -106,14 +108,27 @@ static bool blend_places(const Tile *tile, int sample, global const Span *spans,
         span.t0 = stretch.t0, span.t1 = stretch.t1;
         Colors here;
         if (!layer_colors(tile, sample, span, place, window, places, &here)) return false;
+        if (i == mirror) here.alpha = alpha_of(tile, span);
         Lanes part = rest * here.alpha;
         Colors added = {part * here.x, part * here.y, part * here.z, part};
         all.x += added.x, all.y += added.y, all.z += added.z, all.alpha += part;
         if (keep) keep_added(tile, i, weighted_sum(&added, light));
+        span.source = spans[min(i, mirror)].source;
         sum->depth += lanes_sum(light * part) * middle_depth(tile, span, place);
         rest -= part;
         left = lanes_sum(light * rest);
     }
+#ifdef MIRRORS
+    if (mirror < count) {
+        float4 behind = mirrored_background(tile, sample);
+        Colors added = {rest * behind.x, rest * behind.y, rest * behind.z, rest};
+        all.x += added.x, all.y += added.y, all.z += added.z, all.alpha += rest;
+        if (keep) keep_added(tile, mirror, weighted_sum(&added, light));
+        Span shown = stretch;
+        shown.source = spans[mirror].source;
+        sum->depth += left * middle_depth(tile, shown, place);
+    }
+#endif
     sum->color = weighted_sum(&all, light);
     return is_smooth(&all, places);
 }
@@ -158,17 +173,26 @@ static Blended blend_stack(const Tile *tile, int sample, global const Span *span
         return blend_over_time(tile, sample, spans, count, times, place, window);
 #endif
     Blended sum = {0.0f, 0.0f};
-    float rest = 1.0f;
+    float rest = 1.0f, depth = 0.0f;
+    uint mirror = mirror_among(tile, spans, count);
     for (uint i = 0; i < count; i++) {
         Span span = spans[i];
         span.t0 = times.x, span.t1 = times.y;
         float alpha = alpha_of(tile, span);
         float3 color = span_color(tile, sample, span, place, window);
+        if (i <= mirror) depth = middle_depth(tile, span, place); // of what it shows a mirror's own
         sum.color += rest * alpha * (float4)(color, 1.0f);
         keep_added(tile, i, rest * alpha * (float4)(color, 1.0f));
-        sum.depth += rest * alpha * middle_depth(tile, span, place);
+        sum.depth += rest * alpha * depth;
         rest *= 1.0f - alpha;
     }
+#ifdef MIRRORS
+    if (mirror < count) {
+        float4 behind = mirrored_background(tile, sample);
+        sum.color += rest * behind, sum.depth += rest * depth;
+        keep_added(tile, mirror, rest * behind);
+    }
+#endif
     return sum;
 }
 

@@ -16,8 +16,7 @@ typedef struct {
 static void depth_from_edges(const Tile *tile, uint path_index, Place place, DepthCurve *curve)
 {
     MovingTriangle triangle;
-    load_moving(tile->scene.vertices, tile->scene.paths[path_index],
-                tile->shapes[path_index].flags, &triangle);
+    load_seen(tile, path_index, place, &triangle);
     depth_of_edges(&triangle, place, curve->d, curve->e);
 }
 
@@ -32,6 +31,12 @@ static DepthCurve depth_curve(const Tile *tile, uint path_index, Place place)
 #ifdef LENS
     depth_from_edges(tile, path_index, place, &curve);
 #else
+#ifdef GLOSSY
+    if (tile->scene.meshes[tile->scene.paths[path_index].mesh].sheared) {
+        depth_from_edges(tile, path_index, place, &curve);
+        return curve;
+    }
+#endif
     double x = place.x, y = place.y, most = 0.0, terms = 0.0;
     for (int i = 0; i < 4; i++) curve.d[i] = depth->d[i];
     for (int i = 0; i < 3; i++) {

@@ -11,6 +11,7 @@
 #define MB_EDGES_H
 
 #include "analytic/tile.h"
+#include "shared/shear.h"
 
 typedef struct {
     double x[6], y[6], w[6]; // vertices 0 1 2 at the segment's start, 3 4 5 at its end
@@ -33,6 +34,42 @@ static void load_moving(global const Vertex *vertices, Path path, uint flags, Mo
     // Side s of a path joins vertices s and s + 1: it is edge s + 2.
     uint sides = flags / SHAPE_REVERSED & 7u;
     m->reversed = (sides >> 1 & 1u) | (sides >> 2 & 1u) << 1 | (sides & 1u) << 2;
+}
+
+#ifdef GLOSSY
+
+// Heights of the vertices over the plane that they are sheared along.
+static void shear_heights(const Shear *shear, const MovingTriangle *m, double *height)
+{
+    for (int i = 0; i < 6; i++)
+        height[i] = shear_height(shear, i / 3, m->x[i], m->y[i], m->w[i]);
+}
+
+// The triangle as the sample sees it in a glossy mirror.
+static void shear_triangle(const Shear *shear, const double *height, Place p, MovingTriangle *m)
+{
+    for (int i = 0; i < 6; i++) {
+        const double *a = shear->tilt[i / 3][0], *b = shear->tilt[i / 3][1];
+        m->x[i] += height[i] * ((double)p.a * a[0] + (double)p.b * b[0]);
+        m->y[i] += height[i] * ((double)p.a * a[1] + (double)p.b * b[1]);
+        m->w[i] += height[i] * ((double)p.a * a[2] + (double)p.b * b[2]);
+    }
+}
+
+#endif
+
+// The path's triangle as the sample at `place` sees it.
+static void load_seen(const Tile *tile, uint path_index, Place place, MovingTriangle *m)
+{
+    Path path = tile->scene.paths[path_index];
+    load_moving(tile->scene.vertices, path, tile->shapes[path_index].flags, m);
+#ifdef GLOSSY
+    Shear shear = load_shear(tile->scene.cameras, tile->scene.meshes + path.mesh, path);
+    if (!shear.any) return;
+    double height[6];
+    shear_heights(&shear, m, height);
+    shear_triangle(&shear, height, place, m);
+#endif
 }
 
 #define RECORDS_AHEAD 8  // paths ahead of which their records are asked for

@@ -13,6 +13,14 @@ typedef struct {
     uint index;
     global const Shape *shape;
     bool single_sided;
+#ifdef MIRRORS
+    bool mirrors, reflected;        // it is a mirror, or seen in one
+#endif
+#ifdef GLOSSY
+    Shear shear;
+    double height[6];               // of the vertices over the plane that they are sheared along
+    float a[WIDE], b[WIDE];
+#endif
     double open, length;            // of its motion segment, in the shutter
     double slack;                   // of times that are rounded to float32, in the segment's
     double w[3], speed[3];          // depth of each vertex at the start, and how it changes
@@ -34,6 +42,9 @@ static void clear_gather(Gather *g)
 #ifdef LENS
         g->u[i] = g->v[i] = 0.0f;
 #endif
+#ifdef GLOSSY
+        g->a[i] = g->b[i] = 0.0f;
+#endif
     }
 }
 
@@ -44,7 +55,15 @@ static void begin_gather(const Tile *tile, uint path_index, Gather *g)
     g->shape = tile->shapes + path_index;
     g->open = g->path.open, g->length = (double)g->path.close - g->path.open;
     g->single_sided = is_single_sided(tile, g->path);
+#ifdef MIRRORS
+    Mesh mesh = tile->scene.meshes[g->path.mesh];
+    g->mirrors = mesh.mirror != 0u, g->reflected = mesh.world != 0u;
+#endif
     load_moving(tile->scene.vertices, g->path, g->shape->flags, &g->triangle);
+#ifdef GLOSSY
+    g->shear = load_shear(tile->scene.cameras, tile->scene.meshes + g->path.mesh, g->path);
+    if (g->shear.any) shear_heights(&g->shear, &g->triangle, g->height);
+#endif
     g->slack = 1e-7 / g->length;
     for (int i = 0; i < 3; i++) {
         g->w[i] = g->triangle.w[i];
@@ -72,6 +91,17 @@ static bool next_row(const Tile *tile, Gather *g)
     }
 }
 
+#ifdef STATIC
+// Whether something static lies before all of the path; nothing does before what a mirror shows.
+static inline bool is_behind_static(const Tile *tile, const Gather *g, int sample)
+{
+#ifdef MIRRORS
+    if (g->reflected) return false;
+#endif
+    return g->shape->near > tile->static_depth[sample];
+}
+#endif
+
 // Gather the next samples, but for those that something static lies before. False when there are
 // none left.
 static bool gather_samples(const Tile *tile, Gather *g)
@@ -84,13 +114,16 @@ static bool gather_samples(const Tile *tile, Gather *g)
         for (; g->column <= g->last[g->row]; g->column++) {
             int sample = start + g->column;
 #ifdef STATIC
-            if (g->shape->near > tile->static_depth[sample]) continue;
+            if (is_behind_static(tile, g, sample)) continue;
 #endif
             Place place = place_of(tile, sample);
             g->samples[g->waiting] = sample;
             g->x[g->waiting] = place.x, g->y[g->waiting] = place.y;
 #ifdef LENS
             g->u[g->waiting] = place.u, g->v[g->waiting] = place.v;
+#endif
+#ifdef GLOSSY
+            g->a[g->waiting] = place.a, g->b[g->waiting] = place.b;
 #endif
             if (++g->waiting == WIDE) {
                 g->column++;
@@ -114,26 +147,57 @@ static inline Place gathered_place(const Gather *g, int i)
 #ifdef LENS
     place.u = g->u[i], place.v = g->v[i];
 #endif
+#ifdef GLOSSY
+    place.a = g->a[i], place.b = g->b[i];
+#endif
     return place;
+}
+
+// What is added to x, y or w (0, 1, 2) of vertex i for each sample at hand: the same operations as
+// shear_triangle.
+static inline Wide gathered_shear(const Gather *g, int i, int which)
+{
+#ifdef GLOSSY
+    const double *a = g->shear.tilt[i / 3][0], *b = g->shear.tilt[i / 3][1];
+    if (g->shear.any)
+        return g->height[i] * (convert_double8(vload8(0, g->a)) * a[which]
+                               + convert_double8(vload8(0, g->b)) * b[which]);
+#endif
+    return (Wide)(0.0);
+}
+
+static inline Wide gathered_w(const Gather *g, int i)
+{
+    Wide w = g->triangle.w[i];
+#ifdef GLOSSY
+    w += gathered_shear(g, i, 2);
+#endif
+    return w;
 }
 
 // Vertex i relative to each sample at hand: the same operations as shifted_x and shifted_y.
 static inline Wide gathered_x(const Gather *g, int i)
 {
     Wide x = g->triangle.x[i];
+#ifdef GLOSSY
+    x += gathered_shear(g, i, 0);
+#endif
 #ifdef LENS
     x = fma(convert_double8(vload8(0, g->u)), (Wide)(g->triangle.circle[i]), x);
 #endif
-    return fma(-convert_double8(vload8(0, g->x)), (Wide)(g->triangle.w[i]), x);
+    return fma(-convert_double8(vload8(0, g->x)), gathered_w(g, i), x);
 }
 
 static inline Wide gathered_y(const Gather *g, int i)
 {
     Wide y = g->triangle.y[i];
+#ifdef GLOSSY
+    y += gathered_shear(g, i, 1);
+#endif
 #ifdef LENS
     y = fma(convert_double8(vload8(0, g->v)), (Wide)(g->triangle.circle[i]), y);
 #endif
-    return fma(-convert_double8(vload8(0, g->y)), (Wide)(g->triangle.w[i]), y);
+    return fma(-convert_double8(vload8(0, g->y)), gathered_w(g, i), y);
 }
 
 #endif

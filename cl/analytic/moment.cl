@@ -129,6 +129,9 @@ static void see_frozen(Tile *tile, Path path, const MovingTriangle *moving, Rest
 static void see_path(Tile *tile, uint index)
 {
     Path path = tile->scene.paths[index];
+#ifdef MIRRORS
+    if (tile->scene.meshes[path.mesh].world != 0u) return; // the mirror is what is seen
+#endif
 #ifdef TRANSLUCENT
     if (path.alpha >= 0.0f && path.alpha < ALPHA_THERE) return;
 #endif

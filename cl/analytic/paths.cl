@@ -2,6 +2,7 @@
 // viewer, and which of its moving edges cross on screen (Hong & Oh 2017, 4.2).
 #include "shared/records.h"
 #include "shared/bernstein.h"
+#include "shared/shear.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -151,12 +152,15 @@ static bool is_nothing(const double3 *q, const Depth *depth)
     return nothing;
 }
 
-static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided, Shape *shape,
-                          Depth *depth)
+static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided,
+#ifdef GLOSSY
+                          const Shear *shear,
+#endif
+                          Shape *shape, Depth *depth)
 {
     double3 q[6]; // three vertices at the start, three at the end
     uint corner[3] = {path.a, path.b, path.c};
-    double blur = 0.0; // on screen, in pixels
+    double blur = 0.0, deep = 0.0; // on screen, in pixels, and in depth
 #ifdef LENS
     bool blurred = false;
 #endif
@@ -172,6 +176,18 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
 #ifdef LENS
     blur = blurred ? blur : 0.0;
 #endif
+#ifdef GLOSSY
+    double spread = 0.0;
+    for (int i = 0; i < 6 && shear->any; i++) {
+        double2 reach = shear_reach(shear, i / 3, q[i].x, q[i].y, q[i].z);
+#ifdef LENS
+        global const Vertex *v = vertices + corner[i % 3] + (i < 3 ? 0u : path.step);
+        reach.y += fabs(v->circle) / fmax(q[i].z - reach.x, 1e-300);
+#endif
+        deep = fmax(deep, reach.x), spread = fmax(spread, reach.y);
+    }
+    blur = shear->any ? spread : blur;
+#endif
     double w_low = q[0].z, w_high = q[0].z;
     float y_min = INFINITY, y_max = -INFINITY;
     for (int i = 0; i < 6; i++) {
@@ -179,6 +195,7 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
         float y = (float)(q[i].y / q[i].z);
         y_min = fmin(y_min, y), y_max = fmax(y_max, y);
     }
+    w_low -= deep, w_high += deep;
     shape->flags = w_high <= 0.0 ? SHAPE_CULLED : w_low <= 0.0 ? SHAPE_BEHIND : 0u;
     shape->y_min = w_low > 0.0 ? y_min - (float)(MARGIN + blur) : -INFINITY;
     shape->y_max = w_low > 0.0 ? y_max + (float)(MARGIN + blur) : INFINITY;
@@ -192,6 +209,7 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     if (shape->flags & SHAPE_BEHIND) exact_facing(q, depth->d);
     facing_over_time(depth->d, shape);
 #ifndef LENS // through the points of a lens a path faces the eye at other times
+    single_sided &= deep == 0.0; // and so does what is sheared
     if (single_sided && shape->facing[0] < 0.0f && shape->facing[1] > 1.0f)
         shape->flags |= SHAPE_CULLED;
 #endif
@@ -211,6 +229,9 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
 
 kernel void paths(global const Vertex *vertices, global const Path *paths_in, uint count,
                   global const Mesh *meshes, global const Material *materials,
+#ifdef GLOSSY
+                  global const Camera *cameras,
+#endif
                   global Shape *shapes, global Depth *depths)
 {
     uint first = get_global_id(0) * PATHS_PER_ITEM;
@@ -219,7 +240,12 @@ kernel void paths(global const Vertex *vertices, global const Path *paths_in, ui
         uint flags = materials[meshes[path.mesh].material].flags;
         Shape shape = {.flags = 0u};
         Depth depth;
+#ifdef GLOSSY
+        Shear shear = load_shear(cameras, meshes + path.mesh, path);
+        shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shear, &shape, &depth);
+#else
         shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shape, &depth);
+#endif
         shapes[i] = shape;
 #ifdef EXACT
         depth.near = shape.near, depth.far = shape.far;

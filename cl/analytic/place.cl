@@ -7,7 +7,8 @@
 // Sobol sequence at the row's index. Of N = 2^k samples each row and each column of an N x N grid
 // holds one, and other pairs of dimensions are nearly as well spread. The fixed pattern takes its
 // lens from the same sequence, in Morton's order of its samples (Ahmed & Wonka 2020). The square of
-// the lens is mapped to a disc (Shirley & Chiu 1997) or to a polygon of blades.
+// the lens is mapped to a disc (Shirley & Chiu 1997) or to a polygon of blades. The disc of glossy
+// mirrors is drawn as the lens is; where there are both, in an order of its own.
 #include "analytic/tile.h"
 #include "shared/lens.h"
 #include "shared/sobol.h"
@@ -53,13 +54,30 @@ static float2 net_point(uint l, uint seed)
     return (float2)(across, (l + within) * (1.0f / SAMPLES));
 }
 
+#if defined(LENS) || defined(GLOSSY)
+// Point `index` of the sequence in the unit square of the two dimensions after those of the pixel.
+static float2 square_point(uint index, uint seed)
+{
+    return (float2)(scrambled(sobol(index, 2), seed ^ 0x02e5be93u),
+        scrambled(sobol(index, 3), seed ^ 0x68bc21ebu));
+}
+#endif
+
+#ifdef GLOSSY
+static float2 shear_point(uint l, uint seed)
+{
+#ifdef LENS
+    seed = mix_bits(seed + 0x7f4a7c15u);
+#endif
+    return square_to_disc(square_point(index_of_row(l, seed), seed));
+}
+#endif
+
 #ifdef LENS
 
 static float2 lens_point(uint l, uint seed)
 {
-    uint index = index_of_row(l, seed);
-    float2 square = (float2)(scrambled(sobol(index, 2), seed ^ 0x02e5be93u),
-        scrambled(sobol(index, 3), seed ^ 0x68bc21ebu));
+    float2 square = square_point(index_of_row(l, seed), seed);
 #ifdef BLADES
     return square_to_polygon(square);
 #else
@@ -122,6 +140,10 @@ static void place(Tile *tile, int rows)
 #ifdef LENS
             float2 lens = lens_point(l, seed);
             p.u = lens.x, p.v = lens.y;
+#endif
+#ifdef GLOSSY
+            float2 shear = shear_point(l, seed);
+            p.a = shear.x, p.b = shear.y;
 #endif
 #ifdef WEIGHTED
             tile->weights[sample] = filter_sign(at) + lacking;

@@ -121,6 +121,16 @@ static inline float4 added_by(const Tile *tile, uint layer, float4 whole)
 #endif
 }
 
+// The layer that an event of layer k names: of what is seen in a mirror that is the mirror.
+static inline uint shown_layer(const Tile *tile, global const Span *spans, uint k)
+{
+#ifdef MIRRORS
+    return mirror_among(tile, spans, k);
+#else
+    return k;
+#endif
+}
+
 // One event for each layer of a stack, from times.x to times.y.
 static void write_stack(const Tile *tile, int sample, Event event, global const Span *spans,
                         uint size, float2 times, global Event *out)
@@ -135,10 +145,11 @@ static void write_stack(const Tile *tile, int sample, Event event, global const 
                        - light_until(&tile->scene, window, times.x);
     event.weight *= event.share;
     for (uint k = 0; k < size; k++) {
-        event.path = span_path(tile, spans[k]);
+        Span shown = spans[shown_layer(tile, spans, k)];
+        event.path = span_path(tile, shown);
 #ifdef RECORDED_COLOR
-        event.z0 = span_depth(tile, spans[k], place, times.x);
-        event.z1 = span_depth(tile, spans[k], place, times.y);
+        event.z0 = span_depth(tile, shown, place, times.x);
+        event.z1 = span_depth(tile, shown, place, times.y);
 #endif
         vstore4(added_by(tile, k, whole), 0, event.color);
         out[k] = event;

@@ -137,13 +137,16 @@ static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Sp
     if (!close_enough(tile, s, &a, t, places, &level) && can_refine(places)) return false;
 #endif
     Lanes w = 1.0f, across = 0.0f, down = 0.0f; // depth is for what lies near
-#if defined(LIT) && (defined(POINT_LIGHTS) || defined(LENS))
+#if defined(LIT) && (defined(POINT_LIGHTS) || defined(LENS) || defined(GLOSSY))
     w = varying_depth(v, t);
 #endif
 #if defined(LIT) && defined(LENS)
     // A point is seen through the middle of the lens where its circle of confusion is not.
     w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
     across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
+#endif
+#if defined(LIT) && defined(GLOSSY)
+    undo_shear(s, &a, s->place.a, s->place.b, t, s->place.x, s->place.y, &w, &across, &down);
 #endif
 #ifdef SHADOWS
     light_along(tile, s->window, span, places, a.lit);

@@ -363,6 +363,9 @@ NOT_INLINED static bool shadow_span(Tile *tile, Place place, global Span *span)
         whole = receiver_of(tile, s.path, place);
         whole = restrict_receiver(&whole, span->t0, span->t1);
         if (flat) front = front_is_seen(tile, s.path, place, span->t0, span->t1);
+#ifdef MIRRORS
+        front ^= mesh.world != 0u; // its vertices run the other way where it is mirrored from
+#endif
     }
     span->steps = tile->shadows.step_count;
     for (int k = 0; k < SHADOWS; k++) {

@@ -31,7 +31,7 @@ static Receiver receiver_of(const Tile *tile, uint path_index, Place place)
 {
     Path path = tile->scene.paths[path_index];
     MovingTriangle triangle;
-    load_moving(tile->scene.vertices, path, tile->shapes[path_index].flags, &triangle);
+    load_seen(tile, path_index, place, &triangle);
     const uint corner[3] = {path.a, path.b, path.c};
     Receiver r = {.e = {0.0, 0.0, 0.0}, .t0 = path.open, .t1 = path.close};
     for (int c = 0; c < 3; c++)

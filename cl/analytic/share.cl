@@ -18,6 +18,6 @@ kernel void share(global const float4 *centres, Frame given, Frame film,
         float4 around = (above[column] + below[column]) + beside;
         float4 average = centre + (around - 4.0f * centre) * (1.0f / 24.0f);
         size_t place = (size_t)y * film.width + x;
-        rgba[place] = over_background(average, place, film, background);
+        rgba[place] = over_background(average, (size_t)row * given.width + column, film, background);
     }
 }

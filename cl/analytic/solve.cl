@@ -15,7 +15,11 @@
 static inline uint visited_path(const Gather *g)
 {
 #ifdef TRANSLUCENT
-    return g->index | (g->path.alpha < 1.0f ? TRANSLUCENT_BIT : 0u);
+    bool translucent = g->path.alpha < 1.0f;
+#ifdef MIRRORS
+    translucent |= g->mirrors || g->reflected;
+#endif
+    return g->index | (translucent ? TRANSLUCENT_BIT : 0u);
 #else
     return g->index;
 #endif
@@ -54,21 +58,33 @@ static void insert_change(Changes *c, double time, int function)
     c->time[k] = time, c->function[k] = function;
 }
 
-// Add the times at which the path begins or ceases to face the eye: they depend on the path alone,
-// but on the point of the lens where there is one. Returns whether its back does so at first.
-static bool insert_facing(const Gather *g, Place place, Changes *changes)
+// Whether samples see the path's front at different times: through points of a lens, or in a glossy
+// mirror.
+static inline bool faces_by_sample(const Gather *g)
 {
-#ifdef LENS
+#if defined(LENS)
+    return true;
+#elif defined(GLOSSY)
+    return g->shear.any;
+#else
+    return false;
+#endif
+}
+
+// Add the times at which the path, as the sample sees it, begins or ceases to face the eye. Returns
+// whether its back does so at first.
+static bool insert_facing(const Gather *g, const MovingTriangle *m, Place place, Changes *changes)
+{
+    if (!faces_by_sample(g)) {
+        global const float *facing = g->shape->facing;
+        for (int k = 1; k < 4 && facing[k] < 1.0f; k++) insert_change(changes, facing[k], 3);
+        return facing[0] < 0.0f;
+    }
     double d[4], e[3], roots[3];
-    depth_of_edges(&g->triangle, place, d, e);
+    depth_of_edges(m, place, d, e);
     int count = bernstein_cubic_roots(d, roots);
     for (int k = 0; k < count; k++) insert_change(changes, roots[k], 3);
     return !(bernstein_cubic_start(d) < 0.0);
-#else
-    global const float *facing = g->shape->facing;
-    for (int k = 1; k < 4 && facing[k] < 1.0f; k++) insert_change(changes, facing[k], 3);
-    return facing[0] < 0.0f;
-#endif
 }
 
 // A time of the path's motion segment in the shutter's [0, 1]. A segment ends at the bits at which
@@ -82,19 +98,23 @@ static inline float shutter_time(const Gather *g, double t)
 static bool solve_any(Tile *tile, const Gather *g, int sample, Place place)
 {
     Changes changes = {.count = 0};
+    MovingTriangle m = g->triangle;
+#ifdef GLOSSY
+    if (g->shear.any) shear_triangle(&g->shear, g->height, place, &m);
+#endif
     bool behind = g->shape->flags & SHAPE_BEHIND;
     int positive = 0; // bit i: edge i is above zero; bit 3: the path's back faces the eye
     int back = behind ? 15 : 7; // before the eye the edges say which side faces it
     for (int i = 0; i < 3; i++) {
         double b[3], roots[2];
         bool negative;
-        perturbed_edge_function(&g->triangle, i, place, b);
+        perturbed_edge_function(&m, i, place, b);
         if (b[0] == 0.0 && b[1] == 0.0 && b[2] == 0.0) return true; // two vertices are one
         int count = bernstein_quadratic_roots(b[0], b[1], b[2], &negative, roots);
         for (int k = 0; k < count; k++) insert_change(&changes, roots[k], i);
         positive |= !negative << i;
     }
-    if (behind) positive |= insert_facing(g, place, &changes) << 3;
+    if (behind) positive |= insert_facing(g, &m, place, &changes) << 3;
     double low = 0.0;
     for (int k = 0; k <= changes.count; k++) {
         double high = k < changes.count ? changes.time[k] : 1.0;
@@ -143,7 +163,12 @@ static inline void store_covered(const Gather *g, Wide low, Wide high, Covered *
 {
     Wide near = INFINITY, far = 0.0, before = low - g->slack, after = high + g->slack;
     for (int i = 0; i < 3; i++) {
-        Wide start = g->w[i] + before * g->speed[i], end = g->w[i] + after * g->speed[i];
+#ifdef GLOSSY
+        Wide w = gathered_w(g, i), speed = gathered_w(g, i + 3) - w;
+#else
+        double w = g->w[i], speed = g->speed[i];
+#endif
+        Wide start = w + before * speed, end = w + after * speed;
         near = wide_min(near, wide_min(start, end)), far = wide_max(far, wide_max(start, end));
     }
     vstore8(convert_float8(g->open + low * g->length), 0, covered->t0);

@@ -8,7 +8,10 @@
 // next the list gives a stack: one span for each of its layers, all with the same times. It ends
 // with what is opaque, or where so little light passes that nothing more can be seen. Each change
 // takes time in proportion to what is there.
+//
+// Mirrors and what is seen in them are translucent here: mirrors.h says what of the list is seen.
 #include "analytic/envelope.cl"
+#include "analytic/mirrors.h"
 
 // A sample's sweep: what is there now, and what of it is seen.
 typedef struct {
@@ -49,8 +52,11 @@ static bool close_stack(Tile *tile, Sweep *s)
         if ((uint)s->seen > tile->capacity - tile->span_count) return false;
         float weight = light_until(&tile->scene, s->window, s->now)
                        - light_until(&tile->scene, s->window, s->open);
+        uint world = 0u;
         for (int k = 0; k < s->seen; k++) {
-            Span span = {s->open, s->now, weight, tile->fronts[s->there[k]].path};
+            uint path = tile->fronts[s->there[k]].path;
+            if (!walk_sees(tile, path, &world)) continue;
+            Span span = {s->open, s->now, weight, path};
             tile->spans[tile->span_count++] = span;
         }
     }
@@ -58,12 +64,15 @@ static bool close_stack(Tile *tile, Sweep *s)
     return true;
 }
 
-static void open_stack(Sweep *s)
+static void open_stack(const Tile *tile, Sweep *s)
 {
     float rest = 1.0f;
+    uint world = 0u;
     s->seen = 0, s->ended = false;
     while (s->seen < s->count && !s->ended) {
-        rest *= s->passed[s->there[s->seen++]];
+        int front = s->there[s->seen++];
+        if (!walk_sees(tile, tile->fronts[front].path, &world)) continue;
+        rest *= s->passed[front];
         s->ended = rest < NO_LIGHT;
     }
 }
@@ -138,9 +147,19 @@ static bool sweep(Tile *tile, Sweep *s, global const int *order, int count)
         for (; next < count && tile->fronts[order[next]].t0 <= s->now; next++)
             if (!insert(tile, s, order[next])) return false;
         if (!settle(tile, s)) return false;
-        if (s->open == s->now) open_stack(s);
+        if (s->open == s->now) open_stack(tile, s);
     }
     return true;
+}
+
+// Whether `cover` hides something: it does not hide what is seen in a mirror.
+static inline bool may_be_covered(const Tile *tile, uint path)
+{
+#ifdef MIRRORS
+    return mesh_of(tile, path)->world == 0u;
+#else
+    return true;
+#endif
 }
 
 // Copy what is translucent of the sample's list, and not behind `cover`, into the pool `fronts`.
@@ -153,8 +172,10 @@ static int gather_translucent(Tile *tile, int sample, float2 window, const Cover
         if (!(visit.path & TRANSLUCENT_BIT)) continue;
         uint path = visit.path & ~TRANSLUCENT_BIT;
         Front front = {visit.t0, visit.t1, visit.near, visit.far, path};
-        if (is_covered(cover, front)) {
+        if (may_be_covered(tile, path) && is_covered(cover, front)) {
+#ifndef MIRRORS
             if (ends_list(tile, cover, path, window)) break;
+#endif
             continue;
         }
         if (tile->scene.paths[path].alpha == 0.0f) continue;
@@ -167,7 +188,7 @@ static int gather_translucent(Tile *tile, int sample, float2 window, const Cover
 // What a front of the path lets through; all of it where that varies.
 static inline float passed_by(const Tile *tile, uint path)
 {
-    float alpha = tile->scene.paths[path].alpha;
+    float alpha = alpha_of_path(tile, path);
     return alpha < 0.0f ? 1.0f : 1.0f - alpha;
 }
 

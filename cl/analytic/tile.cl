@@ -265,9 +265,9 @@ kernel void tile(
         .places = (global Place *)(per_sample + 9 * ROWS * TILE),
 #endif
 #ifdef WEIGHTED
-        .weights = (global float *)per_sample + 13 * ROWS * TILE,
+        .weights = (global float *)per_sample + (9 + PLACE_WORDS) * ROWS * TILE,
 #endif
-        .still = (global float4 *)(per_sample + 14 * ROWS * TILE),
+        .still = (global float4 *)(per_sample + (10 + PLACE_WORDS) * ROWS * TILE),
 #ifdef EXACT
         .tails = (global int *)(per_sample + 7 * ROWS * TILE),
         .visits = visits + pool, .fronts = fronts + pool, .merged = merged + pool,
@@ -289,7 +289,7 @@ kernel void tile(
     tile.sharp = tile.color + 2 * TILE * TILE, aovs.sharp = sharp;
 #endif
 #ifdef AOV_OPERATIONS
-    tile.tested = per_sample + 18 * ROWS * TILE;
+    tile.tested = per_sample + (14 + PLACE_WORDS) * ROWS * TILE;
     tile.operations = tile.count + TILE * TILE;
 #endif
 #ifdef AOV_FORWARD
@@ -297,6 +297,9 @@ kernel void tile(
 #endif
 #ifdef AOV_BACKWARD
     aovs.backward = backward;
+#endif
+#ifdef MIRRORS
+    tile.frame = frame, tile.background = background;
 #endif
 #ifdef EXACT
     tile.depths = depths;

@@ -15,21 +15,31 @@
 // a surface), VERTEX_ALPHA, SHADOWS (how many lights cast them), ENVIRONMENT (light from all sides),
 // SKY (it is seen), REFLECTIONS (objects have cube maps of their own); AOV_TIME and the layers of aov.h;
 // RECORDED (spans for the host), RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the
-// shutter that have a colour of their own).
+// shutter that have a colour of their own), MIRRORS (which make stacks as what is TRANSLUCENT does), GLOSSY.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
 #include "shared/scene.h"
 #include "shared/lanes.h"
 #include "analytic/aov.h"
+#include "analytic/film.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
+#if defined(MIRRORS) && !defined(TRANSLUCENT)
+#define TRANSLUCENT // a mirror and what is seen in it are a stack
+#endif
+
 #define ROWS (LAYERS * TILE)
-#ifdef AOV_OPERATIONS
-#define SAMPLE_WORDS 19 // scratch words per sample: static_depth ... still, tested
+#ifdef GLOSSY
+#define PLACE_WORDS 6
 #else
-#define SAMPLE_WORDS 18
+#define PLACE_WORDS 4
+#endif
+#ifdef AOV_OPERATIONS
+#define SAMPLE_WORDS (PLACE_WORDS + 15) // scratch words per sample: static_depth ... still, tested
+#else
+#define SAMPLE_WORDS (PLACE_WORDS + 14)
 #endif
 #define SORT_ARRAYS 9
 #define NO_LIGHT 1e-6f // transmittance below which what lies behind is not seen
@@ -64,6 +74,10 @@ typedef struct {
     global const Shape *shapes;  // of the paths
     global const Depth *depths;  // likewise; exact paths only
     uint static_paths;           // the first paths, opaque, which do not move
+#ifdef MIRRORS
+    Frame frame;
+    global const float *background; // an image, if there is one
+#endif
     int x, y;                    // first pixel of the tile in the frame
     int x_low, x_high;           // columns of the tile that are rendered, low <= x < high
     int y_low, y_high;           // rows likewise

@@ -29,7 +29,7 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     Varying v;
     MovingTriangle triangle;
     global const Shape *shape = tile->shapes + span.source;
-    load_moving(tile->scene.vertices, s->path, shape->flags, &triangle);
+    load_seen(tile, span.source, s->place, &triangle);
     for (int i = 0; i < 3; i++) edge_function(&triangle, i, s->place, v.edge[i]);
     v.depth = depth_curve(tile, span.source, s->place);
     v.near = shape->near, v.far = shape->far;

@@ -7,8 +7,9 @@
 #ifdef LIGHT_AROUND
 #include "shared/environment.h"
 #endif
+#include "shared/shear.h"
 
-#if defined(LENS) || defined(STOCHASTIC) || defined(STATIC)
+#if defined(LENS) || defined(STOCHASTIC) || defined(STATIC) || defined(GLOSSY)
 #define VIEW_VARIES // samples of one surface don't look along one ray
 #endif
 
@@ -27,6 +28,10 @@ typedef struct {
     float alpha[6];
 #endif
     float circle[6];
+#ifdef GLOSSY
+    Shear shear;
+    float height[6];
+#endif
     float3 ray[2], eye[2]; // at the segment's start and end: eye + w ray is seen at depth w, in the
                            // world's directions, relative to the first camera's eye
 } Shaded;
@@ -36,6 +41,9 @@ typedef struct {
     Lanes u, v;
     Lanes3 normal, color;
     Lanes circle;
+#ifdef GLOSSY
+    Lanes height; // over the plane of the glossy mirror that it is seen in
+#endif
 #ifdef VERTEX_ALPHA
     Lanes alpha;
 #endif
@@ -106,9 +114,23 @@ static Shaded load_shaded(const Scene *scene, uint path)
     return s;
 }
 
+#ifdef GLOSSY
+static void load_heights(const Scene *scene, Shaded *s)
+{
+    s->shear = load_shear(scene->cameras, scene->meshes + s->path.mesh, s->path);
+    for (int i = 0; i < 6; i++) {
+        Vertex v = scene->vertices[corner_vertex(s->path, i)];
+        s->height[i] = s->shear.any ? (float)shear_height(&s->shear, i / 3, v.x, v.y, v.w) : 0.0f;
+    }
+}
+#endif
+
 static void load_corners(const Scene *scene, Shaded *s)
 {
     Mesh mesh = s->mesh;
+#ifdef GLOSSY
+    load_heights(scene, s);
+#endif
     for (int i = 0; i < 6; i++) {
         s->uv[i] = 0.0f, s->normal[i] = 0.0f, s->color[i] = 1.0f, s->circle[i] = 0.0f;
 #ifdef VERTEX_ALPHA
@@ -163,6 +185,10 @@ static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
 #endif
 #ifdef LENS
     for (int i = 0; i < 6; i++) a.circle += weights[i] * s->circle[i];
+#endif
+#ifdef GLOSSY
+    a.height = 0.0f;
+    for (int i = 0; i < 6; i++) a.height += weights[i] * s->height[i];
 #endif
     return a;
 }
@@ -329,6 +355,25 @@ static inline Lanes3 normals_seen(const Shaded *s, const Attributes *a, Lanes3 v
     if (s->material.flags & MATERIAL_SINGLE_SIDED) return normal;
     return lanes_scaled(normal, lanes_dot(normal, view) < 0.0f ? (Lanes)(-1.0f) : (Lanes)(1.0f));
 }
+#ifdef GLOSSY
+// From the sheared point at depth w, (x, y) on screen, that samples see, to the one that is lit:
+// where it is from there in pixels, and its depth.
+static void undo_shear(const Shaded *s, const Attributes *attributes, Lanes a, Lanes b, Lanes t,
+                       Lanes x, Lanes y, Lanes *w, Lanes *across, Lanes *down)
+{
+    if (!s->shear.any) return;
+    Lanes tau = (t - s->path.open) * (1.0f / path_length(s->path)), moved[3];
+    for (int k = 0; k < 3; k++) {
+        float a0 = (float)s->shear.tilt[0][0][k], a1 = (float)s->shear.tilt[1][0][k];
+        float b0 = (float)s->shear.tilt[0][1][k], b1 = (float)s->shear.tilt[1][1][k];
+        moved[k] = attributes->height
+                   * (a * (a0 + tau * (a1 - a0)) + b * (b0 + tau * (b1 - b0)));
+    }
+    Lanes before = lanes_max(*w - moved[2], (Lanes)(1e-30f));
+    *across += (x * moved[2] - moved[0]) / before, *down += (y * moved[2] - moved[1]) / before;
+    *w = before;
+}
+#endif
 
 // Reflected light at times t of the shutter and depths w, of what is seen at (across, down) from
 // the place of `s`, in pixels; `count` of them matter.
@@ -354,7 +399,11 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
 #else
     const Gloss *gloss = 0;
 #endif
-    Lanes3 sum = reflected(&s->material, gloss, color, position, normal, view, scene->lights,
+    global const Light *lights = scene->lights;
+#ifdef MIRRORS
+    lights += s->mesh.world * scene->light_count; // those of each world in turn
+#endif
+    Lanes3 sum = reflected(&s->material, gloss, color, position, normal, view, lights,
 #ifdef SHADOWS
                            a->lit,
 #endif

@@ -25,21 +25,26 @@ static float2 square_to_polygon(float2 square)
 }
 #endif
 
-#ifdef LENS_LINES
+#ifdef SLICE_LINES
 // Likewise along lines that go from rim to rim through the middle: x says which line, y where on
 // it.
-// Areas are kept, so that places crowd towards the rim as all lines together do in the middle. (A
-// line's halves begin half the rim apart, which with an odd number of blades bends it a little.)
-static float2 square_to_lines(float2 square)
+// Areas are kept, so that places crowd towards the rim as all lines together do in the middle.
+static float2 square_to_disc_lines(float2 square)
 {
     float along = 2.0f * square.y - 1.0f, turn = 0.5f * square.x + (along < 0.0f ? 0.5f : 0.0f);
-#ifdef BLADES
-    return square_to_polygon((float2)(turn, fabs(along)));
-#else
     float angle = 2.0f * M_PI_F * turn;
     return sqrt(fabs(along)) * (float2)(cos(angle), sin(angle));
-#endif
 }
+
+#ifdef BLADES
+// Of a polygon. (A line's halves begin half the rim apart, which with an odd number of blades bends
+// it a little.)
+static float2 square_to_polygon_lines(float2 square)
+{
+    float along = 2.0f * square.y - 1.0f, turn = 0.5f * square.x + (along < 0.0f ? 0.5f : 0.0f);
+    return square_to_polygon((float2)(turn, fabs(along)));
+}
+#endif
 #endif
 
 #endif

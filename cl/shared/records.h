@@ -18,6 +18,7 @@ typedef struct {
 } VertexJob;
 
 // A camera pose: pixel-homogeneous = matrix (world - eye); ray = inverse (X, Y, 1), in the world.
+// One of what is seen in a glossy mirror has the mirror's shear too (shear.h).
 typedef struct {
     double eye[3];
     double matrix[9];
@@ -26,6 +27,8 @@ typedef struct {
     double focus;                 // distance in focus
     double sharp_near, sharp_far; // extended range in focus; both are `focus` without
     double foreground;            // greatest radius of blur before it, in pixels
+    double plane[4];              // height over the mirror: the product with (x w, y w, w, 1)
+    double tilt[6];               // what a, and then b, add to these for each unit of height
 } Camera;
 
 // Where a sample of every pixel may lie, relative to the pixel's upper left corner. With the same
@@ -56,7 +59,8 @@ static inline float path_length(Path path) { return path.close - path.open; }
 
 // What the mesh of a path says: where its attributes are (NONE where it has none), how many
 // vertices lie between two times of an attribute (0 where it is constant). Of all meshes' vertices,
-// each counted once, its own begin at `first`.
+// each counted once, its own begin at `first`. What is seen in mirror k, counted from 1, is in world
+// k, all else in world 0; a mirror has its own number, and the share of light that it mirrors.
 typedef struct {
     uint vertex, count;
     uint uv, uv_step;
@@ -66,6 +70,9 @@ typedef struct {
     uint camera;
     uint first;
     uint map;      // what it mirrors, among the cube maps
+    uint world, mirror; // 0: what is no mirror
+    float reflectivity;
+    uint sheared;       // whether that mirror is glossy
 } Mesh;
 
 #define NONE 0xffffffffu

@@ -42,9 +42,13 @@ typedef struct {
 #endif
 } Scene;
 
-// A sample: its place in the frame, in pixels, and the point of the lens that it looks through.
+// A sample: its place in the frame, in pixels, the point of the lens that it looks through, and that
+// of the disc over which glossy mirrors spread what they show.
 typedef struct {
     float x, y, u, v;
+#ifdef GLOSSY
+    float a, b;
+#endif
 } Place;
 
 #endif

@@ -6,6 +6,7 @@
 #include "shared/grid.h"
 #include "shared/lanes.h"
 #include "shared/records.h"
+#include "shared/shear.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -15,9 +16,13 @@ typedef struct {
     Lanes left, right, top, bottom;
 } Boxes;
 
-static Boxes boxes_of(global const Vertex *vertices, Path path, Grid grid)
+static Boxes boxes_of(global const Vertex *vertices, global const Mesh *meshes,
+                      global const Camera *cameras, Path path, Grid grid)
 {
     const uint corner[3] = {path.a, path.b, path.c};
+#ifdef GLOSSY
+    Shear shear = load_shear(cameras, meshes + path.mesh, path);
+#endif
     Boxes boxes = {INFINITY, -INFINITY, INFINITY, -INFINITY};
     LaneMask behind = 0;
     for (int i = 0; i < 3; i++) {
@@ -32,15 +37,27 @@ static Boxes boxes_of(global const Vertex *vertices, Path path, Grid grid)
 #ifdef LENS
         circle = (float)(size * fmax(fabs(q.circle), fabs(r.circle))) * (1.0f + 1e-6f);
 #endif
+#ifdef GLOSSY
+        Added first = added_by_shear(&shear, 0, q, size, grid.x, grid.y);
+        Added last = added_by_shear(&shear, 1, r, size, grid.x, grid.y);
+#endif
         for (int end = 0; end < 2; end++) {
             Lanes t = (LANE_INDEX + (float)end) * (1.0f / LANES);
             Lanes now = w + t * dw, over = 1.0f / now, blur = (circle + slack) * over + 1e-3f;
-            Lanes px = (x + t * dx) * over, py = (y + t * dy) * over;
+            Lanes px = (x + t * dx) * over, py = (y + t * dy) * over, blur_y = blur;
             behind |= !(now > 1e-6f);
+#ifdef GLOSSY
+            if (shear.any) {
+                Spread spread = spread_over_time(&first, &last, t, px, py, now);
+                behind |= !(spread.least > 1e-6f);
+                blur = (circle + slack) / spread.least + 1e-3f;
+                blur_y = blur + spread.down, blur += spread.across;
+            }
+#endif
             boxes.left = lanes_min(boxes.left, px - blur),
             boxes.right = lanes_max(boxes.right, px + blur);
-            boxes.top = lanes_min(boxes.top, py - blur),
-            boxes.bottom = lanes_max(boxes.bottom, py + blur);
+            boxes.top = lanes_min(boxes.top, py - blur_y),
+            boxes.bottom = lanes_max(boxes.bottom, py + blur_y);
         }
     }
     boxes.left = behind ? (Lanes)(-INFINITY) : boxes.left;
@@ -60,15 +77,16 @@ static inline float least(Lanes a)
 
 // Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
 static void bin_chunk(global const Vertex *vertices, global const Path *paths,
-                      global const Bounds *bounds, global const uint *order, Grid grid, uint chunk,
-                      global uint *place, global uint *entries)
+                      global const Bounds *bounds, global const Mesh *meshes,
+                      global const Camera *cameras, global const uint *order, Grid grid,
+                      uint chunk, global uint *place, global uint *entries)
 {
     uint begin = chunk * grid.chunk, end = min(begin + grid.chunk, grid.paths);
     // A pixel's samples lie from x_low to x_high of it: a tile's to size - 1 + x_high.
     float size = grid.size, right_of = size - 1 + grid.x_high, below = size - 1 + grid.y_high;
     for (uint i = begin; i < end; i++) {
         if (bounds[order[i]].flags & BOUNDS_CULLED) continue;
-        Boxes boxes = boxes_of(vertices, paths[order[i]], grid);
+        Boxes boxes = boxes_of(vertices, meshes, cameras, paths[order[i]], grid);
         float top = ceil((least(boxes.top) - below) / size);
         float bottom = floor((-least(-boxes.bottom) - grid.y_low) / size);
         int first = (int)fmin(fmax(top, 0.0f), (float)grid.rows);
@@ -90,20 +108,22 @@ static void bin_chunk(global const Vertex *vertices, global const Path *paths,
 }
 
 kernel void bin_count(global const Vertex *vertices, global const Path *paths,
-                      global const Bounds *bounds, global const uint *order, Grid grid,
+                      global const Bounds *bounds, global const Mesh *meshes,
+                      global const Camera *cameras, global const uint *order, Grid grid,
                       global uint *counts)
 {
     uint tiles = grid.columns * grid.rows;
     global uint *place = counts + (size_t)get_global_id(0) * tiles;
     for (uint i = 0; i < tiles; i++) place[i] = 0;
-    bin_chunk(vertices, paths, bounds, order, grid, get_global_id(0), place, 0);
+    bin_chunk(vertices, paths, bounds, meshes, cameras, order, grid, get_global_id(0), place, 0);
 }
 
 kernel void bin_file(global const Vertex *vertices, global const Path *paths,
-                     global const Bounds *bounds, global const uint *order, Grid grid,
+                     global const Bounds *bounds, global const Mesh *meshes,
+                     global const Camera *cameras, global const uint *order, Grid grid,
                      global uint *places, global uint *entries)
 {
     uint tiles = grid.columns * grid.rows;
-    bin_chunk(vertices, paths, bounds, order, grid, get_global_id(0),
+    bin_chunk(vertices, paths, bounds, meshes, cameras, order, grid, get_global_id(0),
               places + (size_t)get_global_id(0) * tiles, entries);
 }

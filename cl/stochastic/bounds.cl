@@ -1,5 +1,6 @@
 // Stage "bounds": what a path's vertices say about all samples.
 #include "shared/scene.h"
+#include "shared/shear.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -68,7 +69,7 @@ static bool faces_away(const double3 *q, const double *circle)
 
 kernel void bounds(global const Vertex *vertices, global const Path *paths, uint count,
                    global const Mesh *meshes, global const Material *materials,
-                   int width, int height, global Bounds *out)
+                   global const Camera *cameras, int width, int height, global Bounds *out)
 {
     uint start = get_global_id(0) * PATHS_PER_ITEM;
     for (uint i = start; i < min(start + PATHS_PER_ITEM, count); i++) {
@@ -85,11 +86,19 @@ kernel void bounds(global const Vertex *vertices, global const Path *paths, uint
             most = fmax(most, fmax(fabs(v.x), fabs(v.y)) + (double)max(width, height) * fabs(v.w));
             most = fmax(most, fabs(v.circle));
         }
+        bool one_sided = materials[mesh.material].flags & MATERIAL_SINGLE_SIDED, turns = false;
+#ifdef GLOSSY
+        Shear shear = load_shear(cameras, meshes + path.mesh, path);
+        double deep = 0.0;
+        for (int k = 0; k < 6 && shear.any; k++)
+            deep = fmax(deep, shear_reach(&shear, k / 3, q[k].x, q[k].y, q[k].z).x);
+        low -= deep, high += deep, turns = shear.any;
+#endif
         Bounds bounds = {.scale = power_of_two_for(most), .flags = 0u};
         bounds.near = (float)fmax(low, 0.0) * (1.0f - 1e-6f);
         bounds.far = low > 0.0 ? (float)high * (1.0f + 1e-6f) : INFINITY;
-        if (materials[mesh.material].flags & MATERIAL_SINGLE_SIDED)
-            bounds.flags |= BOUNDS_SINGLE_SIDED | (faces_away(q, circle) ? BOUNDS_CULLED : 0u);
+        bool away = one_sided && !turns && faces_away(q, circle);
+        if (one_sided) bounds.flags |= BOUNDS_SINGLE_SIDED | (away ? BOUNDS_CULLED : 0u);
         if (high <= 0.0) bounds.flags |= BOUNDS_CULLED;
         out[i] = bounds;
     }

@@ -7,6 +7,24 @@
 #include "stochastic/trace.h"
 #include "shared/attributes.h"
 
+#ifdef GLOSSY
+// What samples' shear adds to (x, y, w) of a vertex that moves from a to b.
+static Doubles3 added_to(const Shear *shear, Vertex a, Vertex b, double16 tau, const Samples *s)
+{
+    double first = shear_height(shear, 0, a.x, a.y, a.w);
+    double last = shear_height(shear, 1, b.x, b.y, b.w);
+    double16 add[3];
+    for (int k = 0; k < 3; k++) {
+        double16 start = first * (convert_double16(s->a) * shear->tilt[0][0][k]
+                                  + convert_double16(s->b) * shear->tilt[0][1][k]);
+        double16 end = last * (convert_double16(s->a) * shear->tilt[1][0][k]
+                               + convert_double16(s->b) * shear->tilt[1][1][k]);
+        add[k] = start + tau * (end - start);
+    }
+    return (Doubles3){add[0], add[1], add[2]};
+}
+#endif
+
 // Where samples see the path, in the world from the first eye: the mean of its vertices by the
 // samples' edge functions.
 static Doubles3 points_seen(const Tile *tile, Path path, const Samples *samples)
@@ -16,6 +34,9 @@ static Doubles3 points_seen(const Tile *tile, Path path, const Samples *samples)
     double16 y = convert_double16(samples->y) + (tile->y + HALF);
     const uint corner[3] = {path.a, path.b, path.c};
     double16 px[3], py[3], e[3];
+#ifdef GLOSSY
+    Shear shear = load_shear(tile->scene.cameras, tile->scene.meshes + path.mesh, path);
+#endif
     for (int i = 0; i < 3; i++) {
         Vertex a = tile->scene.vertices[corner[i]], b = tile->scene.vertices[corner[i] + path.step];
         double16 w = a.w + tau * (b.w - a.w);
@@ -24,6 +45,10 @@ static Doubles3 points_seen(const Tile *tile, Path path, const Samples *samples)
         double16 circle = a.circle + tau * (b.circle - a.circle);
         px[i] += convert_double16(samples->u) * circle;
         py[i] += convert_double16(samples->v) * circle;
+#endif
+#ifdef GLOSSY
+        Doubles3 more = added_to(&shear, a, b, tau, samples);
+        px[i] += more.x, py[i] += more.y, w += more.z;
 #endif
         px[i] -= x * w, py[i] -= y * w;
     }

@@ -19,12 +19,17 @@
 #define MB_MOVING_H
 
 #include "stochastic/tile.h"
+#include "shared/shear.h"
 
 typedef struct {
     float x[3], y[3], w[3];    // at the start of the segment, scaled
     float dx[3], dy[3], dw[3]; // from there to its end
 #ifdef LENS
     float c[3], dc[3];         // circle of confusion
+#endif
+#ifdef GLOSSY
+    bool sheared;
+    Added first[3], last[3];   // what a and b of a sample add to the vertices at both ends
 #endif
 #ifdef TEST_EDGES
     // of edge i, factor of x, y and 1, the coefficients of 1, tau and tau^2
@@ -47,6 +52,9 @@ typedef struct {
 #ifdef LENS
     Lanes u, v;
 #endif
+#ifdef GLOSSY
+    Lanes a, b;
+#endif
 } Samples;
 
 static inline Samples load_samples(const Tile *tile, int index)
@@ -56,8 +64,41 @@ static inline Samples load_samples(const Tile *tile, int index)
 #ifdef LENS
     s.u = load(tile->us, index), s.v = load(tile->vs, index);
 #endif
+#ifdef GLOSSY
+    s.a = load(tile->as, index), s.b = load(tile->bs, index);
+#endif
     return s;
 }
+
+#ifdef GLOSSY
+// Load how a path is sheared, with the scale and the origin of its vertices. Returns the most that
+// is added to them.
+static float load_added(const Tile *tile, Path path, double scale, double x, double y, Moving *m)
+{
+    Shear shear = load_shear(tile->scene.cameras, tile->scene.meshes + path.mesh, path);
+    const uint corner[3] = {path.a, path.b, path.c};
+    float most = 0.0f;
+    m->sheared = shear.any;
+    for (int i = 0; i < 3 && shear.any; i++) {
+        global const Vertex *v = tile->scene.vertices + corner[i];
+        m->first[i] = added_by_shear(&shear, 0, v[0], scale, x, y);
+        m->last[i] = added_by_shear(&shear, 1, v[path.step], scale, x, y);
+        for (int k = 0; k < 6; k++) {
+            float from = m->first[i].by[k / 3][k % 3], to = m->last[i].by[k / 3][k % 3];
+            most = fmax(most, (k % 3 == 2 ? 2.0f * HALF : 1.0f) * fmax(fabs(from), fabs(to)));
+        }
+    }
+    return most;
+}
+
+// What the samples' shear adds to x, y or w (0, 1, 2) of vertex i at time tau.
+static inline Lanes sheared_by(const Moving *m, int which, int i, const Samples *s, Lanes tau)
+{
+    float a = m->first[i].by[0][which], b = m->first[i].by[1][which];
+    float da = m->last[i].by[0][which] - a, db = m->last[i].by[1][which] - b;
+    return s->a * (a + tau * da) + s->b * (b + tau * db);
+}
+#endif
 
 #ifdef TEST_EDGES
 static bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
@@ -133,6 +174,9 @@ static Moving load_moving(const Tile *tile, uint index)
 #ifdef TEST_EDGES
     for (int i = 0; i < 3; i++) edge_over_time(start, end, i, m.edge[i]);
 #endif
+#ifdef GLOSSY
+    most += 2.0f * load_added(tile, path, scale, x, y, &m);
+#endif
     m.open = path.open, m.close = path.close, m.rate = 1.0f / path_length(path);
     m.size = 1.0f / bounds.scale;
     m.slack = 0x1p-19f * most;
@@ -161,6 +205,12 @@ static inline Lanes3 vertex_at(const Moving *m, int i, const Samples *s, Lanes t
     p.z = fma(tau, (Lanes)(m->dw[i]), (Lanes)(m->w[i]));
     p.x = fma(tau, (Lanes)(m->dx[i]), (Lanes)(m->x[i]));
     p.y = fma(tau, (Lanes)(m->dy[i]), (Lanes)(m->y[i]));
+#ifdef GLOSSY
+    if (m->sheared) {
+        p.x += sheared_by(m, 0, i, s, tau), p.y += sheared_by(m, 1, i, s, tau);
+        p.z += sheared_by(m, 2, i, s, tau);
+    }
+#endif
 #ifdef LENS
     Lanes circle = fma(tau, (Lanes)(m->dc[i]), (Lanes)(m->c[i]));
     p.x = fma(s->u, circle, p.x);

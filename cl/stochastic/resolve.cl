@@ -1,12 +1,6 @@
 // Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and count.
 #include "stochastic/tile.h"
 
-typedef struct {
-    int x, y;           // first pixel of the film in the frame
-    int width, height;
-    float background[3];
-} Frame;
-
 // Background behind a pixel's mean colour; an environment is in the colour already.
 static float4 over_background(float4 color, size_t out, const Frame *frame,
                               global const float *background)

@@ -9,22 +9,29 @@
 #include "shared/lens.h"
 #include "shared/shutter.h"
 
-// Points of sixteen pixels: place in the pixel, share of the light that has passed, place on the
-// lens's unit square.
+#ifdef LENS
+#define SHEAR_DIMENSION 3 // first of two of slices' points on the disc of glossy mirrors
+#else
+#define SHEAR_DIMENSION 1
+#endif
+
+// Points of sixteen pixels: place in the pixel, share of the light that has passed, places on the
+// unit squares of the lens and of the disc of glossy mirrors.
 typedef struct {
-    Lanes x, y, t, u, v;
+    Lanes x, y, t, u, v, a, b;
 } Drawn;
 
 // Seeds of a block's pixels, one for each dimension.
 typedef struct {
-    uint16 x, y, t, u, v;
+    uint16 x, y, t, u, v, a, b;
 } Seeds;
 
 static Seeds seeds_of(const Tile *tile, int block)
 {
     uint16 pixel = pixel_seeds(tile, block);
     Seeds seeds = {mix_lanes(pixel + 1u), mix_lanes(pixel + 2u), mix_lanes(pixel + 3u),
-                   mix_lanes(pixel + 4u), mix_lanes(pixel + 5u)};
+                   mix_lanes(pixel + 4u), mix_lanes(pixel + 5u), mix_lanes(pixel + 6u),
+                   mix_lanes(pixel + 7u)};
     return seeds;
 }
 
@@ -66,7 +73,10 @@ static inline void jitter_in_cell(uint16 cell, uint l, uint16 seed_x, uint16 see
 static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 {
     Drawn d;
-    d.u = d.v = 0.0f;
+    d.u = d.v = d.a = d.b = 0.0f;
+#ifdef GLOSSY
+    d.a = hashed(l, seeds->a), d.b = hashed(l, seeds->b);
+#endif
     d.t = ((float)l + hashed(l, seeds->t)) * (1.0f / SAMPLES);
     d.x = d.y = 0.0f;
 #if defined(PATTERN_SOBOL)
@@ -78,6 +88,9 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 #else
     d.x = scrambled(sobol(l, 1), seeds->x);
     d.y = scrambled(sobol(l, 2), seeds->y);
+#ifdef GLOSSY // with a lens it is drawn at random
+    d.a = scrambled(sobol(l, 3), seeds->a), d.b = scrambled(sobol(l, 4), seeds->b);
+#endif
 #endif
 #elif defined(PATTERN_RANDOM)
     d.t = hashed(l, seeds->t);
@@ -113,6 +126,10 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.t *= 1.0f / SLICES;
     d.u = scrambled(sobol(slice, 1), frame + 1u);
     d.v = scrambled(sobol(slice, 2), frame * 5u);
+#ifdef GLOSSY
+    d.a = scrambled(sobol(slice, SHEAR_DIMENSION), frame * 7u);
+    d.b = scrambled(sobol(slice, SHEAR_DIMENSION + 1), frame * 9u);
+#endif
 #endif
     return d;
 }
@@ -170,15 +187,21 @@ static void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixe
 }
 #endif
 
-#ifdef LENS_LINES
-// Akenine-Moeller et al. 2007, 4.2: all samples of a slice look through one line across the lens,
-// each at a place of its own, drawn in each pixel.
+#ifdef SLICE_LINES
+// Akenine-Moeller et al. 2007, 4.2 and 4.3: all samples of a slice look through one line across the
+// lens, and one across the disc of glossy mirrors, each at a place of its own, drawn in each pixel.
 static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
 {
     const uint slice = l / (SAMPLES / SLICES);
     uint16 frame = (uint16)(mix_bits(tile->scene.seed + 13u));
+#ifdef LENS
     d->u = scrambled(sobol(slice, 1), frame + 1u);
     d->v = scrambled(sobol(l, 2), seeds->v);
+#endif
+#ifdef GLOSSY
+    d->a = scrambled(sobol(slice, SHEAR_DIMENSION), frame * 7u);
+    d->b = scrambled(sobol(l, SHEAR_DIMENSION + 1), seeds->b);
+#endif
 }
 #endif
 
@@ -216,8 +239,10 @@ static Lanes times_of_light(const Tile *tile, int block, Lanes passed)
 #ifdef LENS
 static inline float2 lens_point(float u, float v)
 {
-#if defined(LENS_LINES)
-    return square_to_lines((float2)(u, v));
+#if defined(SLICE_LINES) && defined(BLADES)
+    return square_to_polygon_lines((float2)(u, v));
+#elif defined(SLICE_LINES)
+    return square_to_disc_lines((float2)(u, v));
 #elif defined(BLADES)
     return square_to_polygon((float2)(u, v));
 #else
@@ -236,7 +261,7 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
 #ifdef PATTERN_INTERLEAVE_UVT
     draw_interleaved(tile, l, block_x(block), block_y(block), &d);
 #endif
-#ifdef LENS_LINES
+#ifdef SLICE_LINES
     draw_line(tile, l, seeds, &d);
 #endif
 #ifdef FRAMELESS
@@ -281,6 +306,20 @@ static void rank_samples(const uint16 *keys, int slabs, int16 *ranks)
 }
 #endif
 
+// The point of lane i on the disc of glossy mirrors.
+static inline void store_shear(const Tile *tile, int index, const Drawn *d, int i)
+{
+#ifdef GLOSSY
+    float2 square = (float2)(((const float *)&d->a)[i], ((const float *)&d->b)[i]);
+#ifdef SLICE_LINES
+    float2 point = square_to_disc_lines(square);
+#else
+    float2 point = square_to_disc(square);
+#endif
+    tile->as[index] = point.x, tile->bs[index] = point.y;
+#endif
+}
+
 static void scatter_block(const Tile *tile, int block)
 {
     Seeds seeds = seeds_of(tile, block);
@@ -311,11 +350,13 @@ static void scatter_block(const Tile *tile, int block)
             float2 point = lens_point(((float *)&d.u)[i], ((float *)&d.v)[i]);
             tile->us[to] = point.x, tile->vs[to] = point.y;
 #endif
+            store_shear(tile, to, &d, i);
         }
 #else
         vstore16(d.x, 0, tile->xs + index);
         vstore16(d.y, 0, tile->ys + index);
         vstore16(d.t, 0, tile->ts + index);
+        for (int i = 0; i < LANES; i++) store_shear(tile, index + i, &d, i);
 #endif
     }
 }

@@ -58,6 +58,10 @@ static Samples gather_listed(const Tile *tile, const int *list, int count, Lanes
     GATHER(s.u, tile->us)
     GATHER(s.v, tile->vs)
 #endif
+#ifdef GLOSSY
+    GATHER(s.a, tile->as)
+    GATHER(s.b, tile->bs)
+#endif
 #undef GATHER
     return s;
 }
@@ -88,6 +92,11 @@ static Samples mean_of_listed(const Tile *tile, const int *list, int count, Lane
     float u = 0.0f, v = 0.0f;
     for (int i = 0; i < count; i++) u += tile->us[list[i]], v += tile->vs[list[i]];
     mean.u = u * over, mean.v = v * over;
+#endif
+#ifdef GLOSSY
+    float a = 0.0f, b = 0.0f;
+    for (int i = 0; i < count; i++) a += tile->as[list[i]], b += tile->bs[list[i]];
+    mean.a = a * over, mean.b = b * over;
 #endif
     *w = depth * over;
     return mean;
@@ -142,6 +151,19 @@ static void color_pixel(Tile *tile, int pixel, Surface *surface, float4 *colors)
     }
 }
 
+#ifdef MIRRORS
+// Add what is seen in mirrors to the colours of a pixel's samples.
+static void color_mirrored(Tile *tile, int pixel, Surface *surface, float4 *colors)
+{
+    float4 mirrored[SLABS];
+    swap_mirrored(tile);
+    color_pixel(tile, pixel, surface, mirrored);
+    swap_mirrored(tile);
+    for (int slab = 0; slab < tile->slabs; slab++)
+        colors[slab] = with_mirrored(tile, slab * SLAB + pixel, colors[slab], mirrored[slab]);
+}
+#endif
+
 static void shade(Tile *tile)
 {
     Surface surface;
@@ -149,6 +171,9 @@ static void shade(Tile *tile)
     float4 colors[SLABS];
     for (int pixel = 0; pixel < SLAB; pixel++) {
         color_pixel(tile, pixel, &surface, colors);
+#ifdef MIRRORS
+        if (tile->has_mirrors) color_mirrored(tile, pixel, &surface, colors);
+#endif
         for (int slab = 0; slab < tile->slabs; slab++)
             add_sample(tile, slab * SLAB + pixel, colors[slab]);
     }
@@ -159,7 +184,12 @@ static void shade(Tile *tile)
 static void shade(Tile *tile)
 {
     for (int index = 0; index < tile->slabs * SLAB; index++) {
-        add_sample(tile, index, path_color(tile, tile->owners[index]));
+        float4 color = path_color(tile, tile->owners[index]);
+#ifdef MIRRORS
+        if (tile->has_mirrors)
+            color = with_mirrored(tile, index, color, path_color(tile, tile->mirror_owners[index]));
+#endif
+        add_sample(tile, index, color);
     }
 }
 

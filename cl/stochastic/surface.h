@@ -97,6 +97,11 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
 #ifdef LENS
         across -= samples->u * a.circle / w, down -= samples->v * a.circle / w;
 #endif
+#ifdef GLOSSY
+        const float middle_x = tile->x + HALF, middle_y = tile->y + HALF;
+        undo_shear(s, &a, samples->a, samples->b, samples->t, samples->x + middle_x,
+                   samples->y + middle_y, &w, &across, &down);
+#endif
 #ifdef METALLIC
         load_gloss(&tile->scene, s, &a, 0.0f, count);
 #endif

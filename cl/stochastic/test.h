@@ -3,6 +3,7 @@
 #define MB_TEST_H
 
 #include "stochastic/moving.h"
+#include "stochastic/mirrors.h"
 #ifdef TRANSLUCENT
 #include "stochastic/surface.h"
 
@@ -36,6 +37,9 @@ static inline void test_samples(Tile *tile, const Moving *m, int slab, int block
     Lanes depth;
     COUNT(tile, tests, mask);
     mask = covered(m, &samples, mask, &depth);
+#ifdef MIRRORS
+    mask = seen_in_mirror(tile, m->path, index, mask, depth);
+#endif
 #ifdef TRANSLUCENT
     mask = there_by_chance(tile, m, &samples, slab, block, mask);
 #endif

@@ -48,6 +48,14 @@ static void render_tile(Tile *tile, global ulong *ticks)
         scatter(tile);
         clocked(SCATTER, ticks, &clock);
         sample(tile);
+#ifdef MIRRORS
+        tile->has_mirrors = find_mirrors(tile);
+        if (tile->has_mirrors) {
+            enter_mirrors(tile);
+            sample(tile);
+            leave_mirrors(tile);
+        }
+#endif
         clocked(SAMPLE, ticks, &clock);
         shade(tile);
 #ifdef SKY
@@ -77,7 +85,13 @@ static void place_frame(Tile *tile, TileGrid grid)
     tile->frame.bottom = grid.height - 1 + grid.reach_high - y;
 }
 
-#define SCRATCH 7 // floats per sample
+#if defined(GLOSSY)
+#define SCRATCH 11 // floats per sample
+#elif defined(MIRRORS)
+#define SCRATCH 9
+#else
+#define SCRATCH 7
+#endif
 #define PIXEL_VECTORS 8 // float4s per pixel
 
 kernel void tile(
@@ -123,6 +137,13 @@ kernel void tile(
         .reach_low = grid.reach_low, .reach_high = grid.reach_high,
         .xs = part[0], .ys = part[1], .ts = part[2], .zs = part[3],
         .owners = (global uint *)part[4], .us = part[5], .vs = part[6],
+#ifdef MIRRORS
+        .mirror_zs = part[7], .mirror_owners = (global uint *)part[8],
+        .film = frame, .background = background,
+#endif
+#ifdef GLOSSY
+        .as = part[9], .bs = part[10],
+#endif
         .color = pixels + (size_t)worker * PIXEL_VECTORS * SLAB
     };
 #ifdef SHADOWS

@@ -12,7 +12,8 @@
 // SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, BLADES,
 // FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING, ROLLING_COLUMNS, TRANSLUCENT, ALPHA_VARIES,
 // VERTEX_ALPHA, SHADOWS (how many lights cast them), with SHADOW_MAP (texels along an edge),
-// SHADOW_STRATA and SHADOW_BIAS if they are looked up, ENVIRONMENT, SKY, REFLECTIONS, STATISTICS.
+// SHADOW_STRATA and SHADOW_BIAS if they are looked up, MIRRORS, GLOSSY, ENVIRONMENT, SKY,
+// REFLECTIONS, STATISTICS.
 #ifndef MB_STOCHASTIC_TILE_H
 #define MB_STOCHASTIC_TILE_H
 
@@ -58,6 +59,13 @@ typedef struct {
 #define COUNT(tile, what, mask)
 #endif
 
+// The part of the frame that is rendered, and what lies behind everything.
+typedef struct {
+    int x, y;           // first pixel of the film in the frame
+    int width, height;
+    float background[3];
+} Frame;
+
 typedef struct {
     Scene scene;
 #ifdef SHADOWS
@@ -82,8 +90,19 @@ typedef struct {
     // Of each sample of the group:
     global float *xs, *ys, *ts;
     global float *us, *vs;       // on the lens
+#ifdef GLOSSY
+    global float *as, *bs;       // on the disc of glossy mirrors
+#endif
     global float *zs;            // depth of the nearest surface so far
     global uint *owners;         // its path, or NONE
+#ifdef MIRRORS
+    global float *mirror_zs;     // likewise of what is seen in mirrors; while that is sampled, the
+    global uint *mirror_owners;  // two have changed places
+    bool in_mirrors;             // that is sampled
+    bool has_mirrors;            // some sample of the group sees one
+    Frame film;
+    global const float *background; // an image, if there is one
+#endif
     // Of each slab of the group:
     float t_low[SLAB_LANES], t_high[SLAB_LANES];
 #ifdef LENS

@@ -14,6 +14,7 @@ VERTEX_JOB = np.dtype([("input", "u4"), ("output", "u4"), ("count", "u4"), ("cam
 CAMERA = np.dtype(
     [("eye", "f8", 3), ("matrix", "f8", 9), ("inverse", "f8", 9), ("aperture", "f8")]
     + [(name, "f8") for name in ("focus", "sharp_near", "sharp_far", "foreground")]
+    + [("plane", "f8", 4), ("tilt", "f8", 6)]
 )
 SLOT = np.dtype([(name, "f4") for name in ("x_low", "x_high", "y_low", "y_high")])
 SHUTTER_KEY = np.dtype([(name, "f4") for name in ("t", "open", "passed", "unused")])
@@ -26,6 +27,7 @@ MESH = np.dtype(
     [("vertex", "u4"), ("count", "u4"), ("uv", "u4"), ("uv_step", "u4")]
     + [("normal", "u4"), ("normal_step", "u4"), ("color", "u4"), ("color_step", "u4")]
     + [("material", "u4"), ("camera", "u4"), ("first", "u4"), ("map", "u4")]
+    + [("world", "u4"), ("mirror", "u4"), ("reflectivity", "f4"), ("sheared", "u4")]
 )
 MATERIAL = np.dtype(
     [("specular", "f4", 3), ("shininess", "f4"), ("flags", "u4"), ("texture", "u4")]

@@ -7,7 +7,7 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.environment import Environment, Reflections
 from mbinterval.scene.framing import framing_camera, headlight
 from mbinterval.scene.mesh_exposure import MeshExposure, expose_mesh
+from mbinterval.scene.mirrors import Mirror, find_mirrors, seen_in
 from mbinterval.scene.model import Light, Mesh, Scene, Vector
 from mbinterval.scene.poses import CameraPoses
 from mbinterval.scene.segments import View, choose_segments
@@ -47,10 +48,11 @@ class Roll:
 class Exposure:
     """What happens while the shutter is open, at one frame.
 
-    A mesh that is exposed in several stretches is in ``meshes`` once for each. ``cameras[K]`` holds
-    the camera at K + 1 equally spaced times, for every K in use over the whole shutter; ``camera``
-    is the animated one that they are poses of. ``sky`` is the camera for an ``environment`` that it
-    sees. ``notes`` say what had to be assumed.
+    A mesh that is exposed in several stretches is in ``meshes`` once for each, and once more for
+    each of the ``mirrors`` that it may be seen in, reflected. ``cameras[K]`` holds the camera at
+    K + 1 equally spaced times, for every K in use over the whole shutter; ``camera`` is the
+    animated one that they are poses of. ``sky`` is the camera for an ``environment`` that it sees.
+    ``notes`` say what had to be assumed.
     """
 
     frame: float
@@ -62,9 +64,18 @@ class Exposure:
     background: Vector | Float32
     shutter: Shutter
     roll: Roll | None
+    mirrors: tuple[Mirror, ...] = ()
     notes: tuple[str, ...] = ()
     environment: Environment | None = None
     sky: tuple[Turning, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Motion segments that meshes get which don't state their own; None is by path error."""
+
+    segments: int | None
+    error: float
 
 
 def expose(
@@ -103,14 +114,16 @@ def expose(
     if not lights and around is None and any(m is None or m.shading != "unlit" for m in materials):
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
+
+    asked = _Asked(motion_segments, motion_error)
     exposed = tuple(
-        replace(
-            _expose_stretch(mesh, stretch, view, cameras, motion_segments, motion_error),
-            index=index,
-        )
+        replace(_expose_stretch(mesh, stretch, view, cameras, asked), index=index)
         for index, mesh in meshes.items()
         for stretch in mesh_stretches(mesh, window, camera)
     )
+    mirrors = find_mirrors(exposed)
+    if mirrors:
+        exposed = tuple(_with_mirrored(meshes, mirrors, view, cameras, asked))
     if not exposed:
         notes.append("no visible mesh: only the background is seen")
     notes += _outside(scene, window) + _without_mirrors(meshes.values())
@@ -125,6 +138,7 @@ def expose(
         background=scene.background,
         shutter=scene.shutter,
         roll=_roll(scene.shutter, scene.fps, lines),
+        mirrors=mirrors,
         notes=tuple(notes),
         environment=around,
         sky=turnings(view, motion_segments, motion_error)
@@ -159,6 +173,43 @@ def reflecting(exposure: Exposure) -> dict[Reflections, list[MeshExposure]]:
     return found
 
 
+def _with_mirrored(
+    meshes: Mapping[int, Mesh],
+    mirrors: tuple[Mirror, ...],
+    view: View,
+    cameras: dict[int, CameraPoses],
+    asked: _Asked,
+) -> Iterator[MeshExposure]:
+    """Yield ``meshes`` and then, for each mirror, what is seen in it: all of them but itself.
+
+    A mesh has as many segments in each mirror as outside, the most that any of these asks for, so
+    that what is seen in mirrors is in the same place as what shades it.
+    """
+    worlds: list[list[MeshExposure]] = [[] for _ in range(len(mirrors) + 1)]
+    for index, mesh in meshes.items():
+        number = next((n for n, mirror in enumerate(mirrors, 1) if mirror.index == index), 0)
+        forms = {0: mesh} | {
+            world: mirror.mesh(mesh)
+            for world, mirror in enumerate(mirrors, start=1)
+            if world != number
+        }
+        for stretch in mesh_stretches(mesh, view.window, view.camera):
+            found = {
+                world: _expose_stretch(form, stretch, view, cameras, asked)
+                for world, form in forms.items()
+            }
+            most = max(found.values(), key=lambda part: part.segments)
+            for world, part in found.items():
+                if part.segments < most.segments:
+                    part = expose_mesh(
+                        forms[world], view.window, most.segments, most.poses, stretch, most.reason
+                    )
+                part = replace(part, index=index, world=world, mirror=0 if world else number)
+                worlds[world] += seen_in(mirrors[world - 1], part) if world else [part]
+    for parts in worlds:
+        yield from parts
+
+
 def mesh_stretches(mesh: Mesh, window: Window, camera: Camera) -> list[Stretch]:
     """Stretches of the shutter in which ``mesh`` is visible and neither it nor the camera jumps."""
     jumps = window.times_of(camera.jumps) + window.times_of(mesh.jumps, mesh.own_shutter)
@@ -177,13 +228,12 @@ def _expose_stretch(
     stretch: Stretch,
     view: View,
     cameras: dict[int, CameraPoses],
-    motion_segments: int | None,
-    motion_error: float,
+    asked: _Asked,
 ) -> MeshExposure:
     """Expose ``mesh`` over ``stretch``; poses of the whole shutter are kept in ``cameras``."""
-    count, reason = mesh.motion_segments or (mesh.times - 1) or motion_segments, "as asked for"
-    if mesh.motion_segments is None and motion_segments is None and motion_error < np.inf:
-        choice = choose_segments(mesh, view, stretch, motion_error)
+    count, reason = mesh.motion_segments or (mesh.times - 1) or asked.segments, "as asked for"
+    if mesh.motion_segments is None and asked.segments is None and asked.error < np.inf:
+        choice = choose_segments(mesh, view, stretch, asked.error)
         count, reason = choice.segments, choice.reason
     count = count or 1
     if stretch != WHOLE:

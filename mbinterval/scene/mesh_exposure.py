@@ -43,6 +43,10 @@ class MeshExposure:
         The stretch, in the shutter's [0, 1]; the mesh is not there outside of it.
     index
         Which of the scene's meshes it is.
+    world
+        0, or the number, from 1 on, of the mirror that it is seen in: reflected.
+    mirror
+        The number of the mirror that it is; 0 if it is none.
     reason
         Why there are so many segments.
     """
@@ -58,6 +62,8 @@ class MeshExposure:
     open: float = 0.0
     close: float = 1.0
     index: int = 0
+    world: int = 0
+    mirror: int = 0
     reason: str = ""
 
 

@@ -97,6 +97,13 @@ class Material:
     A two-sided surface turns its normal to the viewer; of a single-sided one only the side whose
     vertices run counter-clockwise is seen, at every moment of the shutter.
 
+    With ``reflectivity``, from 0 to 1, a flat mesh is a mirror: it shows that share of the light
+    that comes from where it mirrors the eye's view to, and the rest of its own colour. What is seen
+    in a mirror is reflected once: other mirrors have there their own colour alone. With
+    ``reflection_shear`` the mirror is glossy (Akenine-Möller et al. 2007, 4.3): what is at a
+    distance from it is sheared along it, evenly in all directions, and so spread over a disc whose
+    radius is ``reflection_shear`` times that distance.
+
     Alpha, as in glTF, is ``opacity`` times the texture's and the mesh colour's. ``alpha_mode``
     says what follows: ``"opaque"`` ignores it, ``"mask"`` shows the surface, opaque, where it is
     not below ``alpha_cutoff``, ``"blend"`` lays the surface's colour, highlights too, over what is
@@ -115,6 +122,8 @@ class Material:
     emission: Vector = (0.0, 0.0, 0.0)
     emission_texture: Texture | None = None
     double_sided: bool = True
+    reflectivity: float = 0.0
+    reflection_shear: float = 0.0
     opacity: float = 1.0
     alpha_mode: str = "auto"
     alpha_cutoff: float = 0.5
@@ -137,6 +146,10 @@ class Material:
             roughness=checks.number(self.roughness, f"{where}: roughness", 0.0, 1.0),
             emission=checks.vector(self.emission, f"{where}: emission"),
             double_sided=checks.flag(self.double_sided, f"{where}: double_sided"),
+            reflectivity=checks.number(self.reflectivity, f"{where}: reflectivity", 0.0, 1.0),
+            reflection_shear=checks.number(
+                self.reflection_shear, f"{where}: reflection_shear", 0.0
+            ),
             opacity=checks.number(self.opacity, f"{where}: opacity", 0.0, 1.0),
             alpha_mode=checks.choice(self.alpha_mode, ALPHA_MODES, f"{where}: alpha_mode"),
             alpha_cutoff=checks.number(self.alpha_cutoff, f"{where}: alpha_cutoff", 0.0),

@@ -252,6 +252,8 @@ class MaterialTable(Table):
     emission: Vec3 | None = None
     emission_texture: File | None = None
     double_sided: bool | None = None
+    reflectivity: Annotated[float, Field(ge=0, le=1)] | None = None
+    reflection_shear: NotNegative | None = None
     opacity: Annotated[float, Field(ge=0, le=1)] | None = None
     alpha_mode: Literal["auto", "opaque", "mask", "blend"] | None = None
     alpha_cutoff: NotNegative | None = None

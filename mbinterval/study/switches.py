@@ -84,6 +84,14 @@ def _opaque(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, alpha_mode="opaque")
 
 
+def _dull(scene: Scene, _frame: float) -> Scene:
+    return _with_materials(scene, reflectivity=0.0)
+
+
+def _clear_mirrors(scene: Scene, _frame: float) -> Scene:
+    return _with_materials(scene, reflection_shear=0.0)
+
+
 def _unlit(scene: Scene, _frame: float) -> Scene:
     return _with_materials(scene, shading="unlit")
 
@@ -172,6 +180,8 @@ SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "rolling shutter": ("all lines exposed together, as long as one line was", _global_shutter),
     "single-sided": ("both sides of every surface seen", _two_sided),
     "transparency": ("alpha ignored", _opaque),
+    "mirrors": ("surfaces that mirror nothing", _dull),
+    "glossy mirrors": ("mirrors without shear", _clear_mirrors),
     "phong shading": ("colours without light", _unlit),
     "metallic-roughness shading": ("Phong's model instead", _phong),
     "emission": ("nothing glows", _dark),

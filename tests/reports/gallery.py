@@ -29,7 +29,8 @@ SCENES = Path(__file__).resolve().parents[2] / "scenes"
 FRAMES = {
     **{"fast_cubes": 1, "ho17_cubes": 1, "rolling_wheel": 12, "milk_truck": 7, "fly_by": 12},
     **{"running_fox": 12, "walking_fox": 12, "propeller": 12, "glass": 6, "shadows": 6},
-    **{"lanterns": 6, "metals": 6, "chrome": 7, "crossing_depth": 1, "slab_behind_slit": 1},
+    **{"lanterns": 6, "metals": 6, "chrome": 7, "mirror": 7},
+    **{"crossing_depth": 1, "slab_behind_slit": 1},
 }
 SHOWN = ("fast_cubes", "rolling_wheel", "milk_truck", "fly_by")
 SWEEPS = "samples,five-point,samples-published,stochastic-sobol,slices-4"

@@ -32,6 +32,17 @@ static void touched_by(const Tile *tile, const Moving *m, int first, Touched *ou
         for (int i = 0; i < 3; i++) {
             Lanes w = m->w[i] + tau * m->dw[i], over = 1.0f / w, slack = m->slack * over + 1e-3f;
             Lanes x = (m->x[i] + tau * m->dx[i]) * over, y = (m->y[i] + tau * m->dy[i]) * over;
+            Lanes slack_y = slack;
+#ifdef GLOSSY
+            if (m->sheared) {
+                Spread spread = spread_over_time(m->first + i, m->last + i, tau, x, y, w);
+                slack = m->slack / spread.least + 1e-3f;
+#ifdef LENS
+                slack += fabs(m->c[i] + tau * m->dc[i]) / spread.least;
+#endif
+                slack_y = slack + spread.down, slack += spread.across, w = spread.least;
+            }
+#endif
             near = lanes_min(near, w);
 #ifdef LENS
             Lanes circle = (m->c[i] + tau * m->dc[i]) * over;
@@ -40,10 +51,10 @@ static void touched_by(const Tile *tile, const Moving *m, int first, Touched *ou
             widen(x, lanes_min(a, b), lanes_max(a, b), slack, &left, &right);
             a = circle * vload16(0, tile->v_low + first),
             b = circle * vload16(0, tile->v_high + first);
-            widen(y, lanes_min(a, b), lanes_max(a, b), slack, &top, &bottom);
+            widen(y, lanes_min(a, b), lanes_max(a, b), slack_y, &top, &bottom);
 #else
             widen(x, (Lanes)(0.0f), (Lanes)(0.0f), slack, &left, &right);
-            widen(y, (Lanes)(0.0f), (Lanes)(0.0f), slack, &top, &bottom);
+            widen(y, (Lanes)(0.0f), (Lanes)(0.0f), slack_y, &top, &bottom);
 #endif
         }
     }
@@ -99,6 +110,7 @@ static void sample(Tile *tile)
     for (uint k = 0; k < tile->member_count; k++) {
         if (k % PATHS_BETWEEN_UPDATES == 0) far = update_far(tile);
         if (tile->bounds[tile->members[k]].near > far) return; // the rest is farther
+        if (!is_sampled_now(tile, tile->members[k])) continue;
         Moving m = load_moving(tile, tile->members[k]);
         for (int first = 0; first < tile->slabs; first += LANES) {
             touched_by(tile, &m, first, &touched);

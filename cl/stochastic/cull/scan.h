@@ -38,7 +38,16 @@ static void scan_block(Tile *tile, const Moving *m, const Cull *cull, int block)
 static void sample(Tile *tile)
 {
     for (uint k = 0; k < tile->member_count; k++) {
+        if (!is_sampled_now(tile, tile->members[k])) continue;
         Moving m = load_moving(tile, tile->members[k]);
+#ifdef GLOSSY
+        if (m.sheared) { // the published methods know of no shear
+            for (int slab = 0; slab < tile->slabs; slab++)
+                for (int block = 0; block < BLOCKS; block++)
+                    test_samples(tile, &m, slab, block, (LaneMask)(-1), false);
+            continue;
+        }
+#endif
         Cull cull;
         if (!begin_path(tile, &m, &cull)) continue;
         for (int block = 0; block < BLOCKS; block++) scan_block(tile, &m, &cull, block);

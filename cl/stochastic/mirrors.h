@@ -1,0 +1,110 @@
+// Mirrors: what samples see of the world is found first, then, of those that see a mirror, what they
+// see in it, by the same culling and tests, behind the mirror at the sample's own place and time.
+#ifndef MB_STOCHASTIC_MIRRORS_H
+#define MB_STOCHASTIC_MIRRORS_H
+
+#include "stochastic/tile.h"
+
+#ifdef MIRRORS
+static inline global const Mesh *mesh_of(const Tile *tile, uint path)
+{
+    return tile->scene.meshes + tile->scene.paths[path].mesh;
+}
+#endif
+
+// Whether a path is sampled now: in mirrors what is reflected, before that all else.
+static inline bool is_sampled_now(const Tile *tile, uint path)
+{
+#ifdef MIRRORS
+    return (mesh_of(tile, path)->world != 0u) == tile->in_mirrors;
+#else
+    return true;
+#endif
+}
+
+#ifdef MIRRORS
+
+// The mirror that a sample sees, or 0.
+static inline uint mirror_seen(const Tile *tile, uint owner)
+{
+    return owner == NONE ? 0u : mesh_of(tile, owner)->mirror;
+}
+
+// Those of the samples that see the mirror of this world before `depth`.
+static LaneMask seen_in_mirror(const Tile *tile, uint path, int index, LaneMask mask, Lanes depth)
+{
+    if (!tile->in_mirrors || !any_lane(mask)) return mask;
+    uint world = mesh_of(tile, path)->world;
+    int shows[LANES];
+    for (int i = 0; i < LANES; i++)
+        shows[i] = mirror_seen(tile, tile->mirror_owners[index + i]) == world ? -1 : 0;
+    return mask & vload16(0, shows) & (depth > load(tile->mirror_zs, index));
+}
+
+static void swap_mirrored(Tile *tile)
+{
+    global float *zs = tile->zs;
+    global uint *owners = tile->owners;
+    tile->zs = tile->mirror_zs, tile->owners = tile->mirror_owners;
+    tile->mirror_zs = zs, tile->mirror_owners = owners;
+}
+
+// Begin to sample what is seen in mirrors. What sees none has everything hidden: its depth is 0.
+static void enter_mirrors(Tile *tile)
+{
+    tile->in_mirrors = true;
+    swap_mirrored(tile);
+    for (int i = 0; i < tile->slabs * SLAB; i++) {
+        tile->zs[i] = mirror_seen(tile, tile->mirror_owners[i]) ? INFINITY : 0.0f;
+        tile->owners[i] = NONE;
+    }
+    for (int k = 0; k < tile->slabs * BLOCKS; k++) {
+        Lanes zs = load(tile->zs, k * LANES);
+        tile->block_far[k] = greatest_lane(zs);
+#ifdef ZMIN
+        tile->block_near[k] = least_lane(zs);
+#endif
+    }
+    for (int k = 0; k < tile->slabs; k++) tile->far[k] = INFINITY;
+}
+
+static void leave_mirrors(Tile *tile)
+{
+    swap_mirrored(tile);
+    tile->in_mirrors = false;
+}
+
+static bool find_mirrors(const Tile *tile)
+{
+    bool found = false;
+    for (int i = 0; i < tile->slabs * SLAB && !found; i++)
+        found = mirror_seen(tile, tile->owners[i]) != 0u;
+    return found;
+}
+
+// What a mirror shows where nothing else is: the background of the pixel.
+static float4 mirrored_background(const Tile *tile, int pixel)
+{
+    const Frame *film = &tile->film;
+#ifdef BACKGROUND_IMAGE
+    int at = pixel_of(pixel / LANES, pixel % LANES);
+    int x = tile->x + at % TILE - film->x, y = tile->y + at / TILE - film->y;
+    if (x < 0 || y < 0 || x >= film->width || y >= film->height) return (float4)(1.0f);
+    return (float4)(vload3((size_t)y * film->width + x, tile->background), 1.0f);
+#else
+    return (float4)(film->background[0], film->background[1], film->background[2], 1.0f);
+#endif
+}
+
+// A sample's colour with what it sees in a mirror, if it sees one; nothing there has alpha 0.
+static float4 with_mirrored(const Tile *tile, int index, float4 color, float4 mirrored)
+{
+    uint owner = tile->owners[index];
+    if (!mirror_seen(tile, owner)) return color;
+    if (mirrored.w == 0.0f) mirrored = mirrored_background(tile, index % SLAB);
+    return mix(color, mirrored, mesh_of(tile, owner)->reflectivity);
+}
+
+#endif
+
+#endif
