@@ -26,6 +26,7 @@ from mbinterval.scene.exposure import Exposure
 if TYPE_CHECKING:
     from mbinterval.deep import DeepImage
     from mbinterval.events import Events
+    from mbinterval.scene.mirrors import Mirror
 
 _FILM_BYTES = 24  # of a pixel: colour, depth, intervals
 
@@ -96,6 +97,7 @@ def upload_scene(
         "filter": np.zeros(0) if shape is None else shape.table.astype(np.float32),
         "shutter": shutter_keys(exposure.shutter),
         "background": background,
+        "mirror_planes": mirror_planes(exposure.mirrors),
         **motion.places,
     }
     buffers: dict[str, Any] = {}
@@ -106,7 +108,15 @@ def upload_scene(
     return buffers
 
 
-CUBE_MAPS = ("maps", "map_texels", "sky", "sky_count")
+def mirror_planes(mirrors: tuple[Mirror, ...]) -> NDArray[np.void]:
+    """Return ``MirrorPlane`` records, in the order of the worlds that are seen in them."""
+    table = np.zeros(len(mirrors), records.MIRROR_PLANE)
+    for row, mirror in zip(table, mirrors, strict=True):
+        row["normal"], row["tangents"] = mirror.normal, mirror.tangents.reshape(6)
+    return table
+
+
+CUBE_MAPS = ("maps", "map_texels", "sky", "sky_count", "mirror_planes")
 """Arguments of kernels where the plan has the stage "cube_map"."""
 
 

@@ -57,6 +57,48 @@ static inline float middle_depth(const Tile *tile, Span span, Place place)
     return span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
 }
 
+#ifdef MIRRORS
+
+// What the mirror shows where nothing else is, from times.x to times.y: the environment, or the
+// background of the sample's pixel.
+static float4 mirrored_behind(const Tile *tile, int sample, Span mirror, float2 times, Place place,
+                              float2 window)
+{
+#ifdef SKY
+    Gaze gaze = gaze_at(place, mesh_of(tile, mirror.source)->mirror);
+    return (float4)(sky_between(tile, &gaze, window, times, 0, 0u), 1.0f);
+#else
+    const Frame *frame = &tile->frame;
+#ifdef BACKGROUND_IMAGE
+    int x = tile->x + sample % TILE - frame->x, y = tile->y + sample / TILE % TILE - frame->y;
+    return (float4)(vload3((size_t)y * frame->width + x, tile->background), 1.0f);
+#else
+    return (float4)(frame->background[0], frame->background[1], frame->background[2], 1.0f);
+#endif
+#endif
+}
+
+#ifdef ALPHA_VARIES
+// Likewise at places of a stack's time.
+static Colors mirrored_along(const Tile *tile, int sample, Span mirror, Span stretch, Place place,
+                             float2 window, Instants places)
+{
+#ifdef SKY
+    Gaze gaze = gaze_at(place, mesh_of(tile, mirror.source)->mirror);
+    Lanes3 ways = ways_of(tile, &gaze, times_of(stretch, places));
+    Lanes3 light = sky_light(&tile->scene, ways, places.count);
+    Colors behind = {light.x, light.y, light.z};
+#else
+    float4 same = mirrored_behind(tile, sample, mirror, (float2)(stretch.t0, stretch.t1), place,
+                                  window);
+    Colors behind = {same.x, same.y, same.z};
+#endif
+    return behind;
+}
+#endif
+
+#endif
+
 #ifdef ALPHA_VARIES
 
 static bool alpha_varies(const Tile *tile, global const Span *spans, uint count)
@@ -120,7 +162,7 @@ static bool blend_places(const Tile *tile, int sample, global const Span *spans,
     }
 #ifdef MIRRORS
     if (mirror < count) {
-        float4 behind = mirrored_background(tile, sample);
+        Colors behind = mirrored_along(tile, sample, spans[mirror], stretch, place, window, places);
         Colors added = {rest * behind.x, rest * behind.y, rest * behind.z, rest};
         all.x += added.x, all.y += added.y, all.z += added.z, all.alpha += rest;
         if (keep) keep_added(tile, mirror, weighted_sum(&added, light));
@@ -188,7 +230,7 @@ static Blended blend_stack(const Tile *tile, int sample, global const Span *span
     }
 #ifdef MIRRORS
     if (mirror < count) {
-        float4 behind = mirrored_background(tile, sample);
+        float4 behind = mirrored_behind(tile, sample, spans[mirror], times, place, window);
         sum.color += rest * behind, sum.depth += rest * depth;
         keep_added(tile, mirror, rest * behind);
     }

@@ -49,18 +49,4 @@ static inline uint mirror_among(const Tile *tile, global const Span *spans, uint
     return count;
 }
 
-#ifdef MIRRORS
-// What a mirror shows where nothing else is: the background of the sample's pixel.
-static inline float4 mirrored_background(const Tile *tile, int sample)
-{
-    const Frame *frame = &tile->frame;
-#ifdef BACKGROUND_IMAGE
-    int x = tile->x + sample % TILE - frame->x, y = tile->y + sample / TILE % TILE - frame->y;
-    return (float4)(vload3((size_t)y * frame->width + x, tile->background), 1.0f);
-#else
-    return (float4)(frame->background[0], frame->background[1], frame->background[2], 1.0f);
-#endif
-}
-#endif
-
 #endif

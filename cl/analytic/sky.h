@@ -15,10 +15,9 @@
 #define MOST_SKY_PARTS 4096
 #define NO_SKY 1e-6f // openness below which it is rounding
 
-static inline Lanes3 ways_of(const Tile *tile, Place place, Lanes t)
+static inline Lanes3 ways_of(const Tile *tile, const Gaze *gaze, Lanes t)
 {
-    return lanes_unit(sky_ways(&tile->scene, t, (Lanes)(place.x), (Lanes)(place.y),
-                               (Lanes)(place.u), (Lanes)(place.v)));
+    return lanes_unit(sky_ways(&tile->scene, gaze, t));
 }
 
 static inline Lanes sky_times(float t0, float t1, int first, int parts)
@@ -28,9 +27,9 @@ static inline Lanes sky_times(float t0, float t1, int first, int parts)
 
 // At least as many parts of the time as texels pass, in sixteens, or one where the camera does not
 // turn.
-static int sky_parts(const Tile *tile, Place place, float t0, float t1)
+static int sky_parts(const Tile *tile, const Gaze *gaze, float t0, float t1)
 {
-    Lanes3 way = ways_of(tile, place, sky_times(t0, t1, 0, LANES));
+    Lanes3 way = ways_of(tile, gaze, sky_times(t0, t1, 0, LANES));
     const float *x = (const float *)&way.x, *y = (const float *)&way.y;
     const float *z = (const float *)&way.z;
     float turn = 0.0f; // of all but the first and the last half of a sixteenth
@@ -81,7 +80,7 @@ static inline bool sky_is_smooth(Lanes3 light)
 
 // Mean of the environment in that many parts of the time without the spans. False, and none, where
 // they are too few, unless they must do.
-static bool mean_sky(const Tile *tile, Place place, float2 window, float2 times,
+static bool mean_sky(const Tile *tile, const Gaze *gaze, float2 window, float2 times,
                      global const Span *spans, uint count, int parts, bool must, float3 *mean)
 {
     float3 sum = 0.0f;
@@ -93,7 +92,7 @@ static bool mean_sky(const Tile *tile, Place place, float2 window, float2 times,
                                    times.x + step * (first + i + 1), spans, count);
         Lanes part = vload16(0, weight);
         if (!(lanes_sum(part) > 0.0f)) continue;
-        Lanes3 way = ways_of(tile, place, sky_times(times.x, times.y, first, parts));
+        Lanes3 way = ways_of(tile, gaze, sky_times(times.x, times.y, first, parts));
         Lanes3 light = sky_light(&tile->scene, way, min(LANES, parts));
         if (!must && !sky_is_smooth(light)) return false;
         sum += (float3)(lanes_sum(part * light.x), lanes_sum(part * light.y),
@@ -104,13 +103,13 @@ static bool mean_sky(const Tile *tile, Place place, float2 window, float2 times,
     return true;
 }
 
-static float3 sky_between(const Tile *tile, Place place, float2 window, float2 times,
+static float3 sky_between(const Tile *tile, const Gaze *gaze, float2 window, float2 times,
                           global const Span *spans, uint count)
 {
     float3 mean;
-    int parts = sky_parts(tile, place, times.x, times.y), most = min(8 * parts, MOST_SKY_PARTS);
+    int parts = sky_parts(tile, gaze, times.x, times.y), most = min(8 * parts, MOST_SKY_PARTS);
     bool alone = parts == 1;
-    while (!mean_sky(tile, place, window, times, spans, count, parts, alone || parts >= most,
+    while (!mean_sky(tile, gaze, window, times, spans, count, parts, alone || parts >= most,
                      &mean))
         parts *= 2;
     return mean;
@@ -124,7 +123,8 @@ static float4 sky_behind(const Tile *tile, int sample, global const Span *spans,
         if (leads(spans, i)) open -= spans[i].weight;
     if (!(open > NO_SKY)) return (float4)(0.0f);
     float2 window = window_of(tile, sample);
-    float3 light = sky_between(tile, place_of(tile, sample), window, window, spans, count);
+    Gaze gaze = gaze_at(place_of(tile, sample), 0u);
+    float3 light = sky_between(tile, &gaze, window, window, spans, count);
     return (float4)(open * light, 0.0f);
 }
 
@@ -132,8 +132,8 @@ static float4 sky_behind(const Tile *tile, int sample, global const Span *spans,
 static float4 sky_through(const Tile *tile, int sample, float2 times, float open)
 {
     if (!(open > NO_SKY)) return (float4)(0.0f);
-    float3 light = sky_between(tile, place_of(tile, sample), window_of(tile, sample), times, 0,
-                               0u);
+    Gaze gaze = gaze_at(place_of(tile, sample), 0u);
+    float3 light = sky_between(tile, &gaze, window_of(tile, sample), times, 0, 0u);
     return (float4)(open * light, 0.0f);
 }
 

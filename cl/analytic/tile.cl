@@ -226,7 +226,7 @@ kernel void tile(
     global Span *spans,
 #ifdef CUBE_MAPS
     global const CubeMap *maps, global const float4 *map_texels, global const Sky *sky,
-    uint sky_count,
+    uint sky_count, global const MirrorPlane *mirror_planes,
 #endif
 #ifdef RECORDED
     global Event *events, global uint *event_count, global uint *event_end, uint event_capacity,
@@ -249,6 +249,7 @@ kernel void tile(
 #ifdef CUBE_MAPS
     scene.maps = maps, scene.map_texels = map_texels;
     scene.sky = sky, scene.sky_count = sky_count;
+    scene.mirror_planes = mirror_planes;
 #endif
     Tile tile = {
         .shapes = shapes,

@@ -6,6 +6,7 @@
 #include "shared/shading.h"
 #ifdef LIGHT_AROUND
 #include "shared/environment.h"
+#include "shared/mirror_planes.h"
 #endif
 #include "shared/shear.h"
 
@@ -409,6 +410,10 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
 #endif
                            scene->light_count);
 #ifdef LIGHT_AROUND
+#ifdef MIRRORS
+    normal = unmirrored(scene, s->mesh.world, normal);
+    view = unmirrored(scene, s->mesh.world, view);
+#endif
     Lanes3 around = light_around(scene, s->mesh.map, gloss, color, normal, view, t, count);
     sum.x += around.x, sum.y += around.y, sum.z += around.z;
 #endif

@@ -291,6 +291,13 @@ typedef struct {
     float blur_start, blur_end;
 } Sky;
 
+// A mirror's plane: its unit normal, and two orthogonal directions within it, each as long as the
+// radius of the disc over which it spreads what is at distance 1.
+typedef struct {
+    float normal[3];
+    float tangents[6];
+} MirrorPlane;
+
 // A run of records that belongs to one sample.
 typedef struct {
     uint start, count;

@@ -39,6 +39,7 @@ typedef struct {
     global const float4 *map_texels;  // what facets reflect (environment.h), and those of maps
     global const Sky *sky;            // the camera, for what lies behind all
     uint sky_count;
+    global const MirrorPlane *mirror_planes; // of the worlds that are seen in mirrors, from 1 on
 #endif
 } Scene;
 

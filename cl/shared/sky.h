@@ -3,16 +3,32 @@
 #define MB_SKY_H
 
 #include "shared/cube_map.h"
-#include "shared/scene.h"
+#include "shared/mirror_planes.h"
 
-// Directions in which samples at (x, y) of the frame look through (u, v) of the lens at times t.
-static Lanes3 sky_ways(const Scene *scene, Lanes t, Lanes x, Lanes y, Lanes u, Lanes v)
+// Where samples look at the environment: places on the film, of the lens, and of the disc of a
+// glossy mirror, and the world that they see last.
+typedef struct {
+    Lanes x, y, u, v, a, b;
+    uint world;
+} Gaze;
+
+static inline Gaze gaze_at(Place place, uint world)
+{
+    Gaze g = {place.x, place.y, place.u, place.v, 0.0f, 0.0f, world};
+#ifdef GLOSSY
+    g.a = place.a, g.b = place.b;
+#endif
+    return g;
+}
+
+// Directions in which samples look at times t.
+static Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
 {
     float times[LANES], way[3][LANES], px[LANES], py[LANES];
-    vstore16(t, 0, times), vstore16(x, 0, px), vstore16(y, 0, py);
+    vstore16(t, 0, times), vstore16(gaze->x, 0, px), vstore16(gaze->y, 0, py);
 #ifdef LENS
     float pu[LANES], pv[LANES];
-    vstore16(u, 0, pu), vstore16(v, 0, pv);
+    vstore16(gaze->u, 0, pu), vstore16(gaze->v, 0, pv);
 #endif
     uint k = 0;
     for (int i = 0; i < LANES; i++) {
@@ -30,7 +46,9 @@ static Lanes3 sky_ways(const Scene *scene, Lanes t, Lanes x, Lanes y, Lanes u, L
             way[row][i] = mix(start, b[0] * px[i] + b[1] * py[i] + b[2], part);
         }
     }
-    return (Lanes3){vload16(0, way[0]), vload16(0, way[1]), vload16(0, way[2])};
+    Lanes3 ways = {vload16(0, way[0]), vload16(0, way[1]), vload16(0, way[2])};
+    ways = unsheared(scene, gaze->world, ways, gaze->a, gaze->b);
+    return unmirrored(scene, gaze->world, ways);
 }
 
 // Light from directions of the environment; `count` of them matter.

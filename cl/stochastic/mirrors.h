@@ -4,6 +4,9 @@
 #define MB_STOCHASTIC_MIRRORS_H
 
 #include "stochastic/tile.h"
+#ifdef SKY
+#include "shared/sky.h"
+#endif
 
 #ifdef MIRRORS
 static inline global const Mesh *mesh_of(const Tile *tile, uint path)
@@ -82,17 +85,32 @@ static bool find_mirrors(const Tile *tile)
     return found;
 }
 
-// What a mirror shows where nothing else is: the background of the pixel.
-static float4 mirrored_background(const Tile *tile, int pixel)
+// What the mirror that a sample sees shows where nothing else is: the environment, or the background
+// of the sample's pixel.
+static float4 mirrored_behind(const Tile *tile, int index)
 {
+#ifdef SKY
+    Gaze gaze = {tile->xs[index] + (tile->x + HALF), tile->ys[index] + (tile->y + HALF)};
+#ifdef LENS
+    gaze.u = tile->us[index], gaze.v = tile->vs[index];
+#endif
+#ifdef GLOSSY
+    gaze.a = tile->as[index], gaze.b = tile->bs[index];
+#endif
+    gaze.world = mirror_seen(tile, tile->owners[index]);
+    Lanes3 ways = sky_ways(&tile->scene, &gaze, (Lanes)(tile->ts[index]));
+    Lanes3 light = sky_light(&tile->scene, ways, 1);
+    return (float4)(light.x.s0, light.y.s0, light.z.s0, 1.0f);
+#else
     const Frame *film = &tile->film;
 #ifdef BACKGROUND_IMAGE
-    int at = pixel_of(pixel / LANES, pixel % LANES);
+    int pixel = index % SLAB, at = pixel_of(pixel / LANES, pixel % LANES);
     int x = tile->x + at % TILE - film->x, y = tile->y + at / TILE - film->y;
     if (x < 0 || y < 0 || x >= film->width || y >= film->height) return (float4)(1.0f);
     return (float4)(vload3((size_t)y * film->width + x, tile->background), 1.0f);
 #else
     return (float4)(film->background[0], film->background[1], film->background[2], 1.0f);
+#endif
 #endif
 }
 
@@ -101,7 +119,7 @@ static float4 with_mirrored(const Tile *tile, int index, float4 color, float4 mi
 {
     uint owner = tile->owners[index];
     if (!mirror_seen(tile, owner)) return color;
-    if (mirrored.w == 0.0f) mirrored = mirrored_background(tile, index % SLAB);
+    if (mirrored.w == 0.0f) mirrored = mirrored_behind(tile, index);
     return mix(color, mirrored, mesh_of(tile, owner)->reflectivity);
 }
 

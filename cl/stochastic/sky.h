@@ -24,14 +24,13 @@ static void add_sky(Tile *tile)
         bool any = false;
         for (int i = 0; i < LANES; i++) any |= tile->owners[index + i] == NONE;
         if (!any) continue;
-        Lanes u = 0.0f, v = 0.0f;
+        Gaze gaze = {load(tile->xs, index) + (float)(tile->x + HALF),
+                     load(tile->ys, index) + (float)(tile->y + HALF)};
 #ifdef LENS
-        u = load(tile->us, index), v = load(tile->vs, index);
+        gaze.u = load(tile->us, index), gaze.v = load(tile->vs, index);
 #endif
-        Lanes3 ways = sky_ways(&tile->scene, load(tile->ts, index),
-                               load(tile->xs, index) + (float)(tile->x + HALF),
-                               load(tile->ys, index) + (float)(tile->y + HALF), u, v);
-        Lanes3 light = sky_light(&tile->scene, ways, LANES);
+        Lanes3 light = sky_light(&tile->scene, sky_ways(&tile->scene, &gaze,
+                                                        load(tile->ts, index)), LANES);
         for (int i = 0; i < LANES; i++)
             if (tile->owners[index + i] == NONE)
                 add_light(tile, index + i,

@@ -111,7 +111,7 @@ kernel void tile(
 #endif
 #ifdef CUBE_MAPS
     global const CubeMap *maps, global const float4 *map_texels, global const Sky *sky,
-    uint sky_count,
+    uint sky_count, global const MirrorPlane *mirror_planes,
 #endif
     TileGrid grid, Frame frame)
 {
@@ -152,6 +152,7 @@ kernel void tile(
 #ifdef CUBE_MAPS
     tile.scene.maps = maps, tile.scene.map_texels = map_texels;
     tile.scene.sky = sky, tile.scene.sky_count = sky_count;
+    tile.scene.mirror_planes = mirror_planes;
 #endif
     tile.depth = (global float *)(tile.color + SLAB);
     tile.count = (global uint *)(tile.depth + SLAB);

@@ -91,6 +91,7 @@ SKY = np.dtype(
     [("open", "f4"), ("close", "f4"), ("start", "f4", 9), ("end", "f4", 9)]
     + [("blur_start", "f4"), ("blur_end", "f4")]
 )
+MIRROR_PLANE = np.dtype([("normal", "f4", 3), ("tangents", "f4", 6)])
 TREE_NODE = np.dtype([("low", "f4", 3), ("high", "f4", 3), ("open", "f4"), ("close", "f4")])
 SORTING = np.dtype(("V", 4 * 9))
 """Scratch of the sort for one interval: nine words, in nine arrays (``SORT_ARRAYS``)."""
