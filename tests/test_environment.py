@@ -371,6 +371,21 @@ def test_it_is_background_to_all_that_is_made_of_surfaces():
     assert np.abs(sharp - moment)[seen].max() < 2e-3
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_what_rests_and_casts_shadows_is_laid_over_it(method):
+    made = environment(lambda d: 0.0 * d + 0.7, 8)
+    sun = mb.Light("directional", direction=(-1, -1, -1), shadows=True)
+    ball = replace(PRIMITIVES["sphere"](radius=0.5), material=MATT)
+    camera = mb.Camera(position=(0, 0, 3), look_at=(0, 0, 0), fov=FOV)
+    of = mb.Scene(meshes=[ball], camera=camera, lights=[sun], environment=made)
+    found = film(of, method=method).rgba
+    alone = film(replace(of, environment=replace(made, background=False)), method=method).rgba
+    assert np.array_equal(found[..., 3], alone[..., 3])
+    assert 0.0 < alone[..., 3].mean() < 1.0
+    over = alone[..., :3] + 0.7 * (1.0 - alone[..., 3:])
+    assert np.abs(found[..., :3] - over).max() < 2e-6
+
+
 def test_a_transparent_film_leaves_it_out_but_keeps_its_light():
     of = before()
     clear = film(of, transparent=True).rgba
