@@ -195,12 +195,10 @@ SCENES = {
     ),
     "translucent, pools grow": Small(glassy_crowd, {"samples": 1}, capacity=24),
     "mirrors": Small(mirrored, {"samples": 1}),
-    "mirrors, glossy": Small(
-        lambda: mirrored(0.2), {"samples": 1, "anisotropy": 2}, Camera(**LENS),
-        {"lights": LAMPS[:2]},
-    ),
-    "mirrors, recorded": Small(
-        mirrored, {"samples": 1, "aovs": (*RECORDED, *LAYERS)}, Camera(**LENS), {"shutter": ROLL}
+    "mirrors, glossy": Small(lambda: mirrored(0.2), {"samples": 1, "anisotropy": 2}),
+    "mirrors, recorded": Small(mirrored, {"samples": 1, "aovs": ("object", "crypto_object")}),
+    "mirrors, with shadows": Small(
+        lambda: mirrored(0.2), {"samples": 1}, scene={"lights": LAMPS[:2]}
     ),
     "shadows": Small(
         shaded, {"samples": 2, "texture_samples": 18, "motion_segments": 2}, scene={"lights": LAMPS}

@@ -349,6 +349,13 @@ def test_a_mirror_may_move_within_its_plane_and_its_mesh_without_blur():
         found = expose(Scene(meshes=[mesh], camera=CAMERA), 1.0, 1.0)
         assert len(found.mirrors) == 1
         assert abs(found.mirrors[0].normal[2]) == pytest.approx(1.0)
+    swing = Transform(rotation=Track([0.5, 1.5], [[0, 0, 0, 1], [0, 1, 0, 0]], quaternion=True))
+    swinging = replace(glassy(ROUND), transform=swing, motion_blur=False)
+    for frame in (0.75, 1.25):  # half a turn each frame
+        found = expose(Scene(meshes=[swinging], camera=CAMERA), frame, 1.0)
+        angle = np.pi * (frame - 0.5)
+        normal = found.mirrors[0].normal
+        assert abs(normal @ [np.sin(angle), 0, np.cos(angle)]) == pytest.approx(1.0)
 
 
 def test_a_mesh_has_as_many_motion_segments_in_mirrors_as_outside():
