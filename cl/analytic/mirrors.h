@@ -1,9 +1,10 @@
 // Mirrors: what stands behind a mirror in the list of a sample, front to back, is what it shows.
 //
-// What is seen in mirror k lies in world k, all else in world 0. A walk from the eye begins in world
-// 0, passes over what lies in other worlds, and goes on in world k where it comes to mirror k. So
-// what is reflected shows only where the mirror is, behind it and not behind what hides it, and is
-// cut off at the mirror's plane; what stands behind the mirror in world 0 hides nothing of it.
+// What is seen in mirror k lies in world k, all else in world 0. A walk from the eye begins in
+// world 0, passes over what lies in other worlds, and goes on in world k where it comes to mirror
+// k. So what is reflected shows only where the mirror is, behind it and not behind what hides it,
+// and is cut off at the mirror's plane; what stands behind the mirror in world 0 hides nothing of
+// it.
 #ifndef MB_MIRRORS_H
 #define MB_MIRRORS_H
 

@@ -17,7 +17,7 @@ kernel void share(global const float4 *centres, Frame given, Frame film,
         float4 beside = here[max(column - 1, 0)] + here[min(column + 1, given.width - 1)];
         float4 around = (above[column] + below[column]) + beside;
         float4 average = centre + (around - 4.0f * centre) * (1.0f / 24.0f);
-        size_t place = (size_t)y * film.width + x;
-        rgba[place] = over_background(average, (size_t)row * given.width + column, film, background);
+        size_t from = (size_t)row * given.width + column, to = (size_t)y * film.width + x;
+        rgba[to] = over_background(average, from, film, background);
     }
 }

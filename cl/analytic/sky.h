@@ -2,10 +2,10 @@
 // moves.
 //
 // It is looked up in the middles of equal parts of the time, at first no further apart than texels
-// are, each weighed with the light that no span takes from it. The error is 1/24 of the mean second
-// difference where light changes smoothly, and no more than 1/8 of its size where it has a corner, as
-// quadrature.h has it; where the latter is above SHADING_ERROR there are twice as many parts, up to
-// eight per texel.
+// are, each weighed with the light that no span takes from it. The error is 1/24 of the mean
+// second difference where light changes smoothly, and no more than 1/8 of its size where it has a
+// corner, as quadrature.h has it; where the latter is above SHADING_ERROR there are twice as many
+// parts, up to eight per texel.
 #ifndef MB_ANALYTIC_SKY_H
 #define MB_ANALYTIC_SKY_H
 

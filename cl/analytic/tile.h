@@ -12,10 +12,11 @@
 // TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie differently in every
 // pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE (its
 // number of keys), ROLLING, ROLLING_COLUMNS, TRANSLUCENT (what is seen through), ALPHA_VARIES (over
-// a surface), VERTEX_ALPHA, SHADOWS (how many lights cast them), ENVIRONMENT (light from all sides),
-// SKY (it is seen), REFLECTIONS (objects have cube maps of their own); AOV_TIME and the layers of aov.h;
-// RECORDED (spans for the host), RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the
-// shutter that have a colour of their own), MIRRORS (which make stacks as what is TRANSLUCENT does), GLOSSY.
+// a surface), VERTEX_ALPHA, SHADOWS (how many lights cast them), ENVIRONMENT (light from all
+// sides), SKY (it is seen), REFLECTIONS (objects have cube maps of their own), MIRRORS (which make
+// stacks as what is TRANSLUCENT does), GLOSSY; AOV_TIME and the layers of aov.h; RECORDED (spans
+// for the host), RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the shutter that
+// have a colour of their own).
 #ifndef MB_TILE_H
 #define MB_TILE_H
 

@@ -63,8 +63,9 @@ kernel void halve(global const float4 *given, uint given_size, uint size, global
     }
 }
 
-// A level as a rough surface mirrors it that is seen head-on: the mean over `lobe`, directions about
-// +z that weigh their cosine, each looked up where a texel of `given` is as wide as it stands for.
+// A level as a rough surface mirrors it that is seen head-on: the mean over `lobe`, directions
+// about +z that weigh their cosine, each looked up where a texel of `given` is as wide as it
+// stands for.
 kernel void prefilter(global const CubeMap *given, global const float4 *given_texels,
                       global const float4 *lobe, uint directions, uint size,
                       global float4 *texels)

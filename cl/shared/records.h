@@ -58,9 +58,10 @@ typedef struct {
 static inline float path_length(Path path) { return path.close - path.open; }
 
 // What the mesh of a path says: where its attributes are (NONE where it has none), how many
-// vertices lie between two times of an attribute (0 where it is constant). Of all meshes' vertices,
-// each counted once, its own begin at `first`. What is seen in mirror k, counted from 1, is in world
-// k, all else in world 0; a mirror has its own number, and the share of light that it mirrors.
+// vertices lie between two times of an attribute (0 where it is constant). Of all meshes'
+// vertices, each counted once, its own begin at `first`. What is seen in mirror k, counted from 1,
+// is in world k, all else in world 0; a mirror has its own number, and the share of light that it
+// mirrors.
 typedef struct {
     uint vertex, count;
     uint uv, uv_step;
@@ -271,9 +272,9 @@ typedef struct {
 
 #define MAP_LEVELS 12
 
-// Light from all directions: cube maps, level 0 sharp and the others as rougher and rougher surfaces
-// mirror it, for each of `times` equal parts of the shutter (cl/shared/cube_map.h). Nothing is in
-// one without levels.
+// Light from all directions: cube maps, level 0 sharp and the others as rougher and rougher
+// surfaces mirror it, for each of `times` equal parts of the shutter (cl/shared/cube_map.h).
+// Nothing is in one without levels.
 typedef struct {
     uint levels, times;
     uint stride;            // texels from one part of the shutter to the next

@@ -43,8 +43,8 @@ typedef struct {
 #endif
 } Scene;
 
-// A sample: its place in the frame, in pixels, the point of the lens that it looks through, and that
-// of the disc over which glossy mirrors spread what they show.
+// A sample: its place in the frame, in pixels, the point of the lens that it looks through, and
+// that of the disc over which glossy mirrors spread what they show.
 typedef struct {
     float x, y, u, v;
 #ifdef GLOSSY

@@ -1,6 +1,6 @@
 // Glossy mirrors: what is seen in one is sheared along its plane, a vertex at height h over the
-// plane by h (a T + b B), where T and B lie in the plane and (a, b) is a point of the unit disc that
-// each sample draws (Akenine-Moeller et al. 2007, 4.3, after Diefenbach & Badler 1997).
+// plane by h (a T + b B), where T and B lie in the plane and (a, b) is a point of the unit disc
+// that each sample draws (Akenine-Moeller et al. 2007, 4.3, after Diefenbach & Badler 1997).
 //
 // In homogeneous pixels the height is affine in (x, y, w), so that a sheared vertex is linear in
 // (a, b) and, between the ends of a motion segment, in time: as through a point of a lens, but that

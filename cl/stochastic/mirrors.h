@@ -1,5 +1,6 @@
-// Mirrors: what samples see of the world is found first, then, of those that see a mirror, what they
-// see in it, by the same culling and tests, behind the mirror at the sample's own place and time.
+// Mirrors: what samples see of the world is found first, then, of those that see a mirror, what
+// they see in it, by the same culling and tests, behind the mirror at the sample's own place and
+// time.
 #ifndef MB_STOCHASTIC_MIRRORS_H
 #define MB_STOCHASTIC_MIRRORS_H
 
@@ -85,8 +86,8 @@ static bool find_mirrors(const Tile *tile)
     return found;
 }
 
-// What the mirror that a sample sees shows where nothing else is: the environment, or the background
-// of the sample's pixel.
+// What the mirror that a sample sees shows where nothing else is: the environment, or the
+// background of the sample's pixel.
 static float4 mirrored_behind(const Tile *tile, int index)
 {
 #ifdef SKY

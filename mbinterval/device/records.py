@@ -136,6 +136,7 @@ BY_NAME = {
     "ViewRays": VIEW_RAYS,
     "CubeMap": CUBE_MAP,
     "Sky": SKY,
+    "MirrorPlane": MIRROR_PLANE,
     "TreeNode": TREE_NODE,
     "Run": RUN,
 }

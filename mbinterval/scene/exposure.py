@@ -168,7 +168,7 @@ def reflecting(exposure: Exposure) -> dict[Reflections, list[MeshExposure]]:
     found: dict[Reflections, list[MeshExposure]] = {}
     for mesh in sorted(exposure.meshes, key=lambda mesh: mesh.index):
         asked = mesh.mesh.reflections
-        if asked is not None and mirrors_around(mesh.mesh):
+        if asked is not None and mesh.world == 0 and mirrors_around(mesh.mesh):
             found.setdefault(asked, []).append(mesh)
     return found
 
