@@ -13,7 +13,7 @@
 
 #include "analytic/shutter.h"
 #include "shared/lanes.h"
-#include "shared/shading.h"
+#include "shared/colors.h"
 
 // Places of a span in time: the middles of n equal parts, `count` of them at hand, from `first` on.
 typedef struct {

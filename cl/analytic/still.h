@@ -58,12 +58,12 @@ static void shade_still(Tile *tile, Still *still)
     Shaded s = load_shaded(&tile->scene, still->path);
     Colors color = {s.path.color[0], s.path.color[1], s.path.color[2]};
     if (varies_on_surface(&s)) {
-        Place place = {still->x[0], still->y[0], 0.0f, 0.0f};
-        s.place = place;
+        Place corner = {0.0f, 0.0f, 0.0f, 0.0f}; // whichever samples are shaded together
+        s.place = corner;
         load_attributes(tile, &s);
         Attributes a = still_attributes(tile, still, &s);
         Lanes w = vload16(0, still->w);
-        Lanes across = vload16(0, still->x) - place.x, down = vload16(0, still->y) - place.y;
+        Lanes across = vload16(0, still->x), down = vload16(0, still->y);
 #ifdef LENS
         // A point is seen through the middle of the lens where its circle of confusion is not.
         across -= vload16(0, still->u) * a.circle / w;

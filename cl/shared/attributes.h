@@ -3,7 +3,13 @@
 #define MB_ATTRIBUTES_H
 
 #include "shared/scene.h"
+#include "shared/colors.h"
+#ifdef LIT
 #include "shared/shading.h"
+#endif
+#ifdef TEXTURED
+#include "shared/textures.h"
+#endif
 #ifdef LIGHT_AROUND
 #include "shared/environment.h"
 #include "shared/mirror_planes.h"

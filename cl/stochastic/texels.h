@@ -6,7 +6,7 @@
 #define MB_TEXELS_H
 
 #include "stochastic/tile.h"
-#include "shared/shading.h"
+#include "shared/textures.h"
 
 static void fetch_line(Tile *tile, uint line, int set)
 {

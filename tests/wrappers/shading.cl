@@ -1,4 +1,5 @@
 // Texture look-ups, reflected light and powers, one after the other.
+#include "shared/textures.h"
 #include "shared/shading.h"
 
 #pragma OPENCL FP_CONTRACT OFF
