@@ -21,14 +21,14 @@ KERNELS = {"analytic": "analytic/tile.cl", "stochastic": "stochastic/tile.cl"}
 WORDS = {
     "lens": r"circle|blade",
     "shutter curve": r"ShutterKey\b.*\bkey",
-    "transparency": r"translucent|stack|blend_",
+    "transparency": r"translucent|blend_(stack|over|places)|passed_by",
     "alpha that varies": r"alpha_at|given_alpha|vertex_alpha",
     "reflected light": r"reflected|reflect_|face_normal",
     "metallic-roughness": r"gloss(?!y)|facets",
     "emission": r"emission",
     "point and spot lights": r"LIGHT_SPOT|cone",
     "shadows": r"shadow|caster|lit\[",
-    "textures": r"texel|bilinear|mip",
+    "textures": r"texture_|texel_|bilinear",
     "mirrors": r"mirror|world",
     "glossy mirrors": r"shear|tilt",
     "environments": r"sky|cube|around|irradiance",
@@ -50,7 +50,7 @@ def compiled(file: str, options: tuple[str, ...]) -> str:
     text = io.StringIO()
     preprocessor.write(text)
     assert preprocessor.return_code == 0
-    return re.sub(r"(typedef struct|enum) \{[^}]*\}", "", text.getvalue())
+    return re.sub(r"(typedef struct|enum) \{[^}]*\}[^;]*;", "", text.getvalue())
 
 
 def source(scene: Scene, method: str) -> str:

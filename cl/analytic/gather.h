@@ -153,18 +153,18 @@ static inline Place gathered_place(const Gather *g, int i)
     return place;
 }
 
+#ifdef GLOSSY
 // What is added to x, y or w (0, 1, 2) of vertex i for each sample at hand: the same operations as
 // shear_triangle.
 static inline Wide gathered_shear(const Gather *g, int i, int which)
 {
-#ifdef GLOSSY
     const double *a = g->shear.tilt[i / 3][0], *b = g->shear.tilt[i / 3][1];
     if (g->shear.any)
         return g->height[i] * (convert_double8(vload8(0, g->a)) * a[which]
                                + convert_double8(vload8(0, g->b)) * b[which]);
-#endif
     return (Wide)(0.0);
 }
+#endif
 
 static inline Wide gathered_w(const Gather *g, int i)
 {

@@ -139,7 +139,7 @@ static void load_corners(const Scene *scene, Shaded *s)
     load_heights(scene, s);
 #endif
     for (int i = 0; i < 6; i++) {
-        s->uv[i] = 0.0f, s->normal[i] = 0.0f, s->color[i] = 1.0f, s->circle[i] = 0.0f;
+        s->uv[i] = 0.0f, s->normal[i] = 0.0f, s->color[i] = 1.0f;
 #ifdef VERTEX_ALPHA
         s->alpha[i] = 1.0f;
 #endif

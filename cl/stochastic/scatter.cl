@@ -306,10 +306,10 @@ static void rank_samples(const uint16 *keys, int slabs, int16 *ranks)
 }
 #endif
 
+#ifdef GLOSSY
 // The point of lane i on the disc of glossy mirrors.
 static inline void store_shear(const Tile *tile, int index, const Drawn *d, int i)
 {
-#ifdef GLOSSY
     float2 square = (float2)(((const float *)&d->a)[i], ((const float *)&d->b)[i]);
 #ifdef SLICE_LINES
     float2 point = square_to_disc_lines(square);
@@ -317,8 +317,8 @@ static inline void store_shear(const Tile *tile, int index, const Drawn *d, int 
     float2 point = square_to_disc(square);
 #endif
     tile->as[index] = point.x, tile->bs[index] = point.y;
-#endif
 }
+#endif
 
 static void scatter_block(const Tile *tile, int block)
 {
@@ -350,13 +350,17 @@ static void scatter_block(const Tile *tile, int block)
             float2 point = lens_point(((float *)&d.u)[i], ((float *)&d.v)[i]);
             tile->us[to] = point.x, tile->vs[to] = point.y;
 #endif
+#ifdef GLOSSY
             store_shear(tile, to, &d, i);
+#endif
         }
 #else
         vstore16(d.x, 0, tile->xs + index);
         vstore16(d.y, 0, tile->ys + index);
         vstore16(d.t, 0, tile->ts + index);
+#ifdef GLOSSY
         for (int i = 0; i < LANES; i++) store_shear(tile, index + i, &d, i);
+#endif
 #endif
     }
 }
