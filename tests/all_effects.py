@@ -35,7 +35,7 @@ def everything(late: float = 0.0) -> Scene:
         meshes=[
             Mesh(positions=4 * SQUARE, faces=FACES, material=floor),
             _ball(0.45, (-0.7, 0.5, 0.2), (0.5, 0.1, 0.0), late, chrome,
-                  reflections=mb.Reflections(size=12, times=2)),
+                  reflections=mb.Reflections(size=16, times=2)),
             _ball(0.3, (0.6, 1.0, -0.5), (-0.4, 0.0, 0.3), late, glowing),
             _plate(0.5, (0.2, 0.7, 0.7), (-0.5, 0.3, 0.0), late, glass),
             _plate(0.6, (0.4, 1.6, 0.0), (0.3, -0.2, 0.2), late, leaf),
