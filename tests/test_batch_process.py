@@ -246,7 +246,7 @@ def test_threads_that_are_asked_for_too_late_are_refused(tmp_path):
     assert not images(tmp_path)
 
 
-FOUR = "os.environ['POCL_MAX_PTHREAD_COUNT'] = '4'"
+FOUR = "os.environ.pop('MBINTERVAL_THREADS', 0); os.environ['POCL_MAX_PTHREAD_COUNT'] = '4'"
 
 
 def test_films_of_a_batch_are_read_back_whole(tmp_path, undisturbed):

@@ -67,6 +67,7 @@ def test_what_cannot_change_the_image_is_left_out():
         paths="triangulated",
         max_intervals=1,
         motion_segments=1,
+        texture_samples=4,
         filter_radius=1.0,
         aovs="crypto_object,deep",
     )

@@ -223,7 +223,7 @@ def twin(
     return render(
         exposure, *size, fixed_pattern(settings.samples).astype(np.float64), crop,
         bits=settings.occlusion, pairing=settings.pairing, max_intervals=settings.max_intervals,
-        texture_samples=settings.texture_samples,
+        texture_samples=settings.shading_times,
     )  # fmt: skip
 
 
