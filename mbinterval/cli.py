@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import difflib
 import logging
-import os
 import re
 import signal
 import sys
@@ -23,6 +22,7 @@ from mbinterval.checks import nearest
 from mbinterval.errors import MbintervalError, Terminated, exit_code
 from mbinterval.frames import parse_frames, parse_outputs
 from mbinterval.settings import Settings
+from mbinterval.streams import prepare_streams
 
 _log = logging.getLogger("mbinterval")
 
@@ -90,14 +90,14 @@ _SETTING_HELP = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code; argparse itself exits for --help and usage."""
+    prepare_streams()
     arguments = _arguments(list(sys.argv[1:] if argv is None else argv))
     with _messages(arguments.verbose - arguments.quiet), _interrupt_on_sigterm():
         try:
             arguments.run(arguments)
             sys.stdout.flush()
         except BrokenPipeError:
-            # The reader of a pipe has gone; nothing is left to be said, at exit neither.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 0  # the reader of a pipe has gone; nothing is left to be said
         except (Exception, KeyboardInterrupt) as error:
             return _failed(error)
     return 0

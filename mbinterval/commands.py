@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 def render(arguments: argparse.Namespace) -> None:
     """``mbinterval render``: the frames that are not complete; each note about the scene once."""
     from mbinterval.batch import check_exports, plan_tasks, prepare, survey
-    from mbinterval.device.choose import THREADS
+    from mbinterval.device.opencl import THREADS
     from mbinterval.joblog import JobLog
 
     if arguments.threads is not None:
@@ -270,7 +270,9 @@ def devices(_arguments: argparse.Namespace) -> None:
         choose_device()  # raises, and explains why there is none
     for device in listed:
         memory = device.memory_bytes / 2**30
-        remark = "" if device.usable else "; not usable: no double precision"
+        remark = "; kernels are shaped for CPUs" if device.kind != "CPU" else ""
+        if not device.usable:
+            remark = "; not usable: no double precision"
         print(
             f"{device.index}: {device.name} ({device.platform}, {device.kind}, "
             f"{device.compute_units} compute units, {memory:.1f} GiB{remark})"

@@ -137,68 +137,6 @@ def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-CHOOSE = """
-from mbinterval.device.choose import choose_device
-from mbinterval.errors import DeviceError
-try:
-    print("found", choose_device().name)
-except DeviceError as error:
-    print("error", error)
-"""
-
-
-def test_a_cache_that_cannot_be_written_is_explained(tmp_path):
-    """Below a regular file, where root cannot write either."""
-    file = tmp_path / "file"
-    file.write_text("")
-    cache = file / "cache"
-    run = python(CHOOSE, POCL_CACHE_DIR=str(cache))
-    if "found" in run.stdout:  # another implementation than PoCL, which has no such cache
-        assert "pthread" not in run.stdout
-        return
-    assert run.returncode == 0, run.stderr
-    assert run.stdout.startswith("error PoCL offers no device: its kernel cache")
-    assert str(cache) in run.stdout
-    assert "cannot be written" in run.stdout
-    assert "POCL_CACHE_DIR" in run.stdout
-    good = python(CHOOSE, POCL_CACHE_DIR=str(tmp_path / "good"))
-    assert good.stdout.startswith("found"), good.stderr
-
-
-FULL = """
-import resource, signal
-import mbinterval as mb
-mb.devices()
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-try:
-    print("rendered", mb.render(mb.Scene(meshes=()), width=4, height=4).device)
-except mb.DeviceError as error:
-    print("error", error)
-"""
-
-
-def test_a_cache_on_a_full_disk_is_explained(tmp_path):
-    """A limit to the size of files stands in for it; other implementations have no such cache."""
-    cache = tmp_path / "cache"
-    run = python(FULL, POCL_CACHE_DIR=str(cache), PYOPENCL_NO_CACHE="1")
-    assert run.returncode == 0, run.stderr
-    if run.stdout.startswith("rendered") and "pthread" not in run.stdout:
-        return
-    assert f"PoCL's kernel cache {cache} cannot be written, or its disk is full" in run.stdout
-    assert "set POCL_CACHE_DIR" in run.stdout
-
-
-def test_the_cache_folder_is_where_pocl_looks(monkeypatch, tmp_path):
-    monkeypatch.setenv("POCL_CACHE_DIR", "/a/b")
-    assert choose.pocl_cache_folder() == Path("/a/b")
-    monkeypatch.delenv("POCL_CACHE_DIR")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert choose.pocl_cache_folder() == tmp_path / "pocl" / "kcache"
-    monkeypatch.delenv("XDG_CACHE_HOME")
-    assert choose.pocl_cache_folder() == Path.home() / ".cache" / "pocl" / "kcache"
-
-
 def test_a_kernel_that_does_not_build_raises_with_file_options_and_log(tmp_path):
     file = tmp_path / "broken.cl"
     file.write_text("kernel void f(global float *p) { p[0] = no_such_name; }\n")

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from mbinterval.device.opencl import most_threads, opencl, start
 from mbinterval.device.pocl_cpu import name_cpu
+from mbinterval.device.programs import POCL
 from mbinterval.errors import DeviceError
-
-_POCL = "Portable Computing Language"
-_POCL_THREADS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")  # before PoCL 5, and since
-_KERNEL_BYTES = 1 << 20  # of a program in PoCL's cache, more or less
-THREADS = "MBINTERVAL_THREADS"
-"""Variable of the environment that limits the threads of CPU devices."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +59,7 @@ def choose_device(wanted: Any = None) -> Any:
         No device, none that fits, one without double precision, or a CPU with more threads than
         ``MBINTERVAL_THREADS``, if that is set, allows.
     """
-    import pyopencl as cl
-
+    cl = opencl()
     if isinstance(wanted, cl.Device):
         return _checked(wanted)
     if wanted is not None and (isinstance(wanted, bool) or not isinstance(wanted, str | int)):
@@ -82,7 +75,7 @@ def choose_device(wanted: Any = None) -> Any:
         raise DeviceError(_why_none())
     if wanted is None:
         usable = [device for device in found if device.double_fp_config]
-        pocl = [device for device in usable if _POCL in device.platform.name]
+        pocl = [device for device in usable if POCL in device.platform.name]
         return _checked((pocl or usable or found)[0])
     text = str(wanted).strip()
     if text.isdigit():
@@ -116,9 +109,7 @@ def choose_devices(wanted: str) -> tuple[Any, ...]:
 
 
 def _all_devices() -> list[Any]:
-    import pyopencl as cl
-
-    _limit_threads()
+    cl = opencl()
     try:
         platforms = cl.get_platforms()
     except cl.Error:
@@ -133,9 +124,7 @@ def _all_devices() -> list[Any]:
 
 
 def _from_pyopencl_ctx() -> Any:
-    import pyopencl as cl
-
-    _limit_threads()
+    cl = opencl()
     try:
         return cl.create_some_context(interactive=False).devices[0]
     except (cl.Error, RuntimeError, ValueError) as error:
@@ -149,36 +138,21 @@ def _checked(device: Any) -> Any:
             f"device {device.name.strip()!r} has no double precision, which exact times need; "
             "choose another with --device (see 'mbinterval devices')"
         )
-    most = _most_threads()
+    most = most_threads()
     if most and _kind(device) == "CPU" and device.max_compute_units > most:
         raise DeviceError(
             f"device {device.name.strip()!r} uses {device.max_compute_units} threads and can't be "
             f"held to {most}: only PoCL can, and only before it has started"
         )
-    if _POCL in device.platform.name:
+    if POCL in device.platform.name:
+        if start().trouble:
+            raise DeviceError(start().trouble)
         name_cpu(device)
     return device
 
 
-def _most_threads() -> int | None:
-    text = os.environ.get(THREADS)
-    if not text:
-        return None
-    if not text.isdecimal() or int(text) < 1:
-        raise DeviceError(f"{THREADS}={text!r}: expected a whole number from 1 up")
-    return int(text)
-
-
-def _limit_threads() -> None:
-    """Tell PoCL, which looks once when it starts, how many threads it may use."""
-    most = _most_threads()
-    for name in _POCL_THREADS if most else ():
-        os.environ[name] = str(most)
-
-
 def _kind(device: Any) -> str:
-    import pyopencl as cl
-
+    cl = opencl()
     if device.type & cl.device_type.CPU:
         return "CPU"
     return "GPU" if device.type & cl.device_type.GPU else "other"
@@ -186,50 +160,18 @@ def _kind(device: Any) -> str:
 
 def _why_none() -> str:
     """Explain why no device was found, as far as it can be known."""
-    import pyopencl as cl
-
-    cache = pocl_cache_folder()
+    cl = opencl()
     try:
         names = [platform.name for platform in cl.get_platforms()]
     except cl.Error:
         names = []
-    if any(_POCL in name for name in names):
-        cannot = "cannot be written" if not _writable(cache) else "may not be usable"
-        return (
-            f"PoCL offers no device: its kernel cache {cache} {cannot}; make it writable, or set "
-            "POCL_CACHE_DIR to a folder that is"
-        )
+    if any(POCL in name for name in names):
+        wanted = os.environ.get("POCL_DEVICES")
+        if wanted is not None:
+            return (
+                f"PoCL offers no device: POCL_DEVICES={wanted!r} names none that it has; unset it, "
+                "or set it to pthread"
+            )
+        return start().trouble or "PoCL offers no device; POCL_DEBUG=all says why"
     platforms = f" (platforms: {', '.join(names)})" if names else ""
     return f"no OpenCL device was found{platforms}; install one with: pip install 'pyopencl[pocl]'"
-
-
-def cache_trouble(device: Any) -> str:
-    """Say what keeps PoCL from building kernels, if its cache does; else the empty text."""
-    cache = pocl_cache_folder()
-    if _POCL not in device.platform.name or _writable(cache):
-        return ""
-    return (
-        f"; PoCL's kernel cache {cache} cannot be written, or its disk is full: make room, or set "
-        "POCL_CACHE_DIR to a folder that can be"
-    )
-
-
-def pocl_cache_folder() -> Path:
-    """Return the folder in which PoCL keeps compiled kernels."""
-    if "POCL_CACHE_DIR" in os.environ:
-        return Path(os.environ["POCL_CACHE_DIR"])
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "pocl" / "kcache"
-
-
-def _writable(folder: Path) -> bool:
-    """Whether a file can be written there: permission bits say nothing to root, nor of room."""
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    try:
-        with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(bytes(_KERNEL_BYTES))
-            file.flush()
-            return True
-    except OSError:
-        return False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -12,23 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.device.choose import cache_trouble, choose_device
-from mbinterval.device.sources import kernel_root
-from mbinterval.errors import CapacityError, DeviceError, KernelBuildError
+from mbinterval.device.choose import choose_device
+from mbinterval.device.opencl import opencl, start
+from mbinterval.device.programs import Programs
+from mbinterval.errors import CapacityError, DeviceError
 
 _log = logging.getLogger(__name__)
+
 _runtimes: dict[int, Runtime] = {}
 _lock = threading.Lock()
-_building = threading.RLock()
-"""Held while a program is built: what is done about warnings then is the whole process's."""
-
-_PROBE = """
-kernel void probe(global ulong *out)
-{
-    __builtin_prefetch((const void *)(size_t)(out + 1), 0, 3);
-    out[0] = __builtin_readcyclecounter();
-}
-"""
 
 
 class Runtime:
@@ -39,21 +30,24 @@ class Runtime:
     """
 
     def __init__(self, device: Any) -> None:
-        import pyopencl as cl
-
+        cl = opencl()
         self.device = device
         self.context = cl.Context([device])
-        self._programs: dict[tuple[str, tuple[str, ...]], Any] = {}
+        self._programs = Programs(self.context, device)
+        self._built: dict[tuple[str, tuple[str, ...]], Any] = {}
+        self._building = threading.Lock()
+        self._launched: set[int] = set()
+        self._unkept = False
         self._local = threading.local()
         self.is_cpu = device.type & ~cl.device_type.DEFAULT == cl.device_type.CPU
         self.workers = device.max_compute_units * (1 if self.is_cpu else 64)
-        self.has_clang_builtins = self._probe_clang_builtins()
+        if not self.is_cpu:
+            _log.info("%s: the kernels are shaped for CPUs, and need not be fast here", device.name)
 
     @property
     def queue(self) -> Any:
         """The thread's in-order queue, with profiling."""
-        import pyopencl as cl
-
+        cl = opencl()
         if not hasattr(self._local, "queue"):
             self._local.queue = cl.CommandQueue(
                 self.context, properties=cl.command_queue_properties.PROFILING_ENABLE
@@ -65,58 +59,19 @@ class Runtime:
         key = (file, tuple(options))
         kernels = self._local.__dict__.setdefault("kernels", {})
         if (key, name) not in kernels:
-            import pyopencl as cl
-
+            cl = opencl()
             kernels[key, name] = cl.Kernel(self._program(*key), name)
         return kernels[key, name]
 
     def _program(self, file: str, options: tuple[str, ...]) -> Any:
-        with _building:
-            if (file, options) not in self._programs:
+        with self._building:
+            if (file, options) not in self._built:
                 source = f'#include "{file}"\n'
-                self._programs[file, options] = self._build(source, file, options)
-            return self._programs[file, options]
+                self._built[file, options] = self._build(source, file, options)
+            return self._built[file, options]
 
     def _build(self, source: str, file: str, options: tuple[str, ...]) -> Any:
-        import pyopencl as cl
-
-        flags = ["-cl-std=CL1.2", "-I", str(kernel_root()), *options]
-        if self.has_clang_builtins:
-            flags.append("-DCLANG_BUILTINS")
-        try:
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always")
-                program = cl.Program(self.context, source).build(options=flags)
-        except cl.RuntimeError as error:
-            raise KernelBuildError(
-                f"kernel file {file} does not build for device {self.device.name.strip()!r} "
-                f"with {' '.join(options)}{cache_trouble(self.device)}:\n{error}"
-            ) from None
-        if caught:
-            log = program.get_build_info(self.device, cl.program_build_info.LOG).strip()
-            # Some compilers tell of every step that went well.
-            level = logging.WARNING if "warning:" in log.lower() else logging.DEBUG
-            _log.log(level, "kernel file %s: %s\n%s", file, caught[0].message, log)
-        return program
-
-    def _probe_clang_builtins(self) -> bool:
-        import pyopencl as cl
-
-        try:
-            with _building, warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                program = cl.Program(self.context, _PROBE).build(options=["-cl-std=CL1.2"])
-                cl.Kernel(program, "probe")
-        except cl.LogicError:
-            return False  # Oclgrind compiles it, but knows no such instructions
-        except cl.RuntimeError as error:
-            if "__builtin_" in str(error):
-                return False
-            raise KernelBuildError(
-                f"device {self.device.name.strip()!r} cannot build the smallest kernel"
-                f"{cache_trouble(self.device)}:\n{error}"
-            ) from None
-        return True
+        return self._programs.build(source, file, options)
 
     def upload(self, array: NDArray[Any], what: str = "") -> Any:
         """Return a read-only buffer with the contents of ``array``; no copy on a CPU device.
@@ -124,8 +79,7 @@ class Runtime:
         On a CPU the buffer refers to the array's own memory: keep it unchanged until the render
         is done (pyopencl keeps it alive).
         """
-        import pyopencl as cl
-
+        cl = opencl()
         if array.nbytes == 0:
             return self.allocate(16)
         self._check_size(array.nbytes, what)
@@ -136,8 +90,7 @@ class Runtime:
 
     def allocate(self, nbytes: int, what: str = "") -> Any:
         """Return an uninitialized read-write buffer; ``what`` it is goes into error messages."""
-        import pyopencl as cl
-
+        cl = opencl()
         self._check_size(nbytes, what)
         # PoCL else takes memory when a kernel first needs it, and crashes where there is none.
         at_once = cl.mem_flags.ALLOC_HOST_PTR if self.is_cpu else 0
@@ -146,12 +99,14 @@ class Runtime:
 
     def download(self, buffer: Any, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         """Return the contents of ``buffer`` as a new array, once all work is done."""
-        import pyopencl as cl
-
+        cl = opencl()
         array = np.empty(shape, dtype)
         with _device_errors("reading results"):
             if array.nbytes:
                 cl.enqueue_copy(self.queue, array, buffer)
+        if self._unkept:
+            self._unkept = False
+            self._programs.keep()
         return array
 
     def finish(self) -> None:
@@ -161,8 +116,7 @@ class Runtime:
 
     def fill(self, buffer: Any, nbytes: int, value: int = 0) -> None:
         """Set the first ``nbytes`` (a multiple of 4) of ``buffer`` to a repeated 32-bit value."""
-        import pyopencl as cl
-
+        cl = opencl()
         with _device_errors("filling a buffer"):
             cl.enqueue_fill_buffer(self.queue, buffer, np.array(value, np.int32), 0, nbytes)
 
@@ -172,8 +126,14 @@ class Runtime:
         One item per group: a CPU device runs groups on its threads, and PoCL would compile a
         kernel again for every other group size.
         """
+        cl = opencl()
         with _device_errors(f"kernel {kernel.function_name}"):
-            return kernel(self.queue, (items,), (1,), *arguments)
+            for place, argument in enumerate(arguments):
+                kernel.set_arg(place, argument)
+            if kernel.int_ptr not in self._launched:
+                self._launched.add(kernel.int_ptr)
+                self._unkept = True  # PoCL compiles a kernel when that first runs
+            return cl.enqueue_nd_range_kernel(self.queue, kernel, (items,), (1,))
 
     def _check_size(self, nbytes: int, what: str) -> None:
         if nbytes > self.device.max_mem_alloc_size:
@@ -192,8 +152,7 @@ class Runtime:
 @contextmanager
 def _device_errors(what: str) -> Iterator[None]:
     """Turn what OpenCL raises into errors that say what the device was doing."""
-    import pyopencl as cl
-
+    cl = opencl()
     try:
         yield
     except cl.Error as error:
@@ -214,6 +173,7 @@ def seconds(event: Any) -> float:
 
 def runtime(wanted: Any = None) -> Runtime:
     """Return the process's runtime for the device that ``wanted`` selects."""
+    start()  # before the lock, which another thread may have held when this process was forked
     if isinstance(wanted, Runtime):
         return wanted
     with _lock:
