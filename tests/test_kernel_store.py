@@ -240,6 +240,24 @@ def test_folders_of_killed_processes_are_removed_and_those_of_others_stay(tmp_pa
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_second_runtime_of_a_device_leaves_kernels_in_use_alone(tmp_path):
+    """What PoCL has mapped into memory must not be written again: the process would end."""
+    code = (
+        "import mbinterval as mb\n"
+        "from mbinterval.device.choose import choose_device\n"
+        "from mbinterval.device.runtime import Runtime\n"
+        "from mbinterval.scene.generators import fast_cubes\n"
+        "one = mb.Settings(samples=1)\n"
+        "def job(device): return mb.render(\n"
+        "    fast_cubes(3), width=8, height=6, settings=one, device=device).rgba.tobytes()\n"
+        "films = [job(Runtime(choose_device())) for _ in range(3)]\n"
+        "print(len(set(films)))\n"
+    )
+    for _ in range(2):  # compiled, and kept
+        run = python("-c", code, environment={"POCL_CACHE_DIR": str(tmp_path / "cache")})
+        assert (run.returncode, run.stdout) == (0, "1\n"), run.stderr
+
+
 # The linker.
 
 

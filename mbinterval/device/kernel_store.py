@@ -185,8 +185,9 @@ class RunFolder:
             if place.is_absolute() or ".." in place.parts:
                 continue
             path = self.path / place
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
+            if not path.exists():  # PoCL may have mapped it into memory
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
 
     def files(self, program: str) -> dict[str, bytes]:
         """Files of a compiled program by name, relative to this folder."""
