@@ -31,6 +31,7 @@ from mbinterval.frames import (
     FRAME_PLACE,
     export_of,
     frame_path,
+    has_camera,
     is_numbered,
 )
 from mbinterval.scene.model import Scene
@@ -179,12 +180,13 @@ def _check_clashes(job: Job, tasks: Sequence[Task]) -> None:
         if frames > 1 and not is_numbered(output):
             raise UsageError(
                 f"output {output!r}: {frames} frames would overwrite each other; put {FRAME_PLACE} "
-                f"where the frame's number belongs, as in name.{FRAME_PLACE}{Path(output).suffix}"
+                f"where the frame's number belongs in the file's name, as in name.{FRAME_PLACE}"
+                f"{Path(output).suffix}"
             )
-        if len(job.cameras) > 1 and CAMERA_PLACE not in output:
+        if len(job.cameras) > 1 and not has_camera(output):
             raise UsageError(
                 f"output {output!r}: {len(job.cameras)} cameras would overwrite each other; put "
-                f"{CAMERA_PLACE} where the camera's name belongs"
+                f"{CAMERA_PLACE} where the camera's name belongs in the file's name"
             )
     folder = Path(job.source).parent
     taken: dict[str, str] = {}

@@ -19,6 +19,7 @@ from mbinterval.frames import (
     CAMERA_PLACE,
     FRAME_PLACE,
     export_of,
+    literal,
     parse_frames,
     parse_outputs,
     resolution,
@@ -350,7 +351,7 @@ def _outputs(
     if stored:
         return tuple(parse_outputs(stored))
     camera = f".{CAMERA_PLACE}" if cameras > 1 else ""
-    return (f"{Path(scene).stem}{camera}.{FRAME_PLACE}.exr",)
+    return (f"{literal(Path(scene).stem)}{camera}.{FRAME_PLACE}.exr",)
 
 
 Progress = Callable[[float], None]

@@ -35,10 +35,16 @@ def job_template(job: Job, options: Sequence[str], per_task: int) -> str:
     """
     # The format wants default paths to be relative to the template, so the scene is no parameter.
     scene = str(Path(job.source).absolute())
-    given = [scene, *(f"--output={Path(output).absolute()}" for output in job.outputs), *options]
+    outputs = [str(Path(output).absolute()) for output in job.outputs]
+    for output in outputs:
+        if "," in output or output != output.strip():
+            raise UsageError(f"output {output!r}: commas and spaces part outputs; give another")
+    given = [scene, *(f"--output={output}" for output in outputs), *options]
     for text in given:
         if "{{" in text:
-            raise UsageError(f"{text!r}: Open Job Description takes '{{{{' for its own")
+            raise UsageError(
+                f"{text!r}: Open Job Description takes '{{{{' for its own; give another name"
+            )
     run = {
         "command": "{{Param.Command}}",
         "args": ["render", "--frames={{Task.Param.Frames}}", *given],

@@ -5,7 +5,14 @@ from pathlib import Path
 import pytest
 
 from mbinterval import errors
-from mbinterval.frames import frame_path, is_numbered, parse_frames, parse_outputs
+from mbinterval.frames import (
+    frame_path,
+    has_camera,
+    is_numbered,
+    literal,
+    parse_frames,
+    parse_outputs,
+)
 
 
 @pytest.mark.parametrize(
@@ -60,8 +67,13 @@ def test_bad_frame_ranges_say_which_part_is_bad(text, reason):
         ("shot.####.exr", -7, "shot.-0007.exr"),
         ("shot.{frame:04}.exr", 7, "shot.0007.exr"),
         ("shot.{frame:04d}.exr", -7, "shot.-0007.exr"),
-        ("{frame}/shot.{frame:03}.####.exr", 7, "7/shot.007.0007.exr"),
+        ("{frame}.shot.{frame:03}.####.exr", 7, "7.shot.007.0007.exr"),
         ("shot.%4d.exr", 7, "shot.7.exr"),
+        ("shot#3/100%done/{frame}/{x}/%03d.exr", 7, "shot#3/100%done/{frame}/{x}/007.exr"),
+        ("/####/../%d/{{.####.exr", 7, "/####/../%d/{.0007.exr"),
+        ("{{{frame}}}.{{frame:04}}.exr", 7, "{7}.{frame:04}.exr"),
+        ("{####.exr", 7, "{0007.exr"),
+        ("{frame:032}.exr", 7, f"{7:032d}.exr"),
     ],
 )
 def test_file_names_take_the_frame(pattern, frame, path):
@@ -71,17 +83,45 @@ def test_file_names_take_the_frame(pattern, frame, path):
 
 @pytest.mark.parametrize(
     ("camera", "path"),
-    [("side", "side/7.exr"), ("a/b: c", "a_b_ c/7.exr"), ("..", "_/7.exr"), ("Kö", "Kö/7.exr")],
+    [("side", "side.7.exr"), ("a/b: c", "a_b_ c.7.exr"), ("..", "_.7.exr"), ("Kö", "Kö.7.exr")],
 )
 def test_file_names_take_the_camera(camera, path):
-    assert frame_path("{camera}/#.exr", 7, camera) == Path(path)
+    assert has_camera("{camera}.#.exr")
+    assert frame_path("{camera}.#.exr", 7, camera) == Path(path)
+    # A camera's name is no pattern, and patterns belong to the file's name.
+    assert frame_path("{camera}/{camera}.exr", 7, "#{frame}") == Path("{camera}/_frame_.exr")
+
+
+@pytest.mark.parametrize(
+    "pattern", ["shot#3/a.exr", "100%done/a.exr", "{frame:04}/{camera}/a.exr", "a.{{frame}}.exr"]
+)
+def test_what_looks_like_a_pattern_elsewhere_is_a_name(pattern):
+    assert parse_outputs(pattern) == [pattern]
+    assert not is_numbered(pattern)
+    assert not has_camera(pattern)
+    assert frame_path(pattern, 7, "side") == Path(pattern.replace("{{", "{").replace("}}", "}"))
+
+
+@pytest.mark.parametrize("name", ["c{x}", "{frame}", "{{camera}}", "a#b", "%d", "}{", "{", "###"])
+def test_any_text_can_be_a_literal_part_of_a_name(name):
+    assert frame_path(f"{literal(name)}.####.exr", 7, "side") == Path(f"{name}.0007.exr")
 
 
 def test_unknown_places_in_names_are_refused():
-    for output in ("a.{scene}.exr", "a.{frame:x}.exr", "a.{}.exr"):
+    for output in ("a.{scene}.exr", "a.{frame:x}.exr", "a.{}.exr", "c{x}.####.exr", "{fr#ame}.exr"):
         with pytest.raises(errors.UsageError, match=r"is unknown; known are \{frame\}"):
             parse_outputs(output)
     assert parse_outputs("{camera}.{frame:04}.exr, b.exr") == ["{camera}.{frame:04}.exr", "b.exr"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["{frame:0999999999}", "{frame:033}", "%0999999d", f"%0{'9' * 5000}d", "#" * 33, "#" * 5000],
+)
+def test_numbers_are_padded_to_so_many_digits_at_most(name):
+    with pytest.raises(errors.UsageError, match="is padded to 32 digits at most") as caught:
+        parse_outputs(f"{name}.exr")
+    assert len(str(caught.value)) < 200
 
 
 def test_a_name_without_a_place_for_the_frame_is_kept():
