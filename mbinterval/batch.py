@@ -22,8 +22,8 @@ from typing import Any
 
 import mbinterval
 from mbinterval.aovs import EXPORTS
-from mbinterval.atomic import prepare_output, remove_leftovers
-from mbinterval.errors import OutputError, SceneError, UsageError
+from mbinterval.atomic import output_place, prepare_output
+from mbinterval.errors import SceneError, UsageError
 from mbinterval.film import Film
 from mbinterval.frames import (
     CAMERA_PLACE,
@@ -34,6 +34,7 @@ from mbinterval.frames import (
     has_camera,
     is_numbered,
 )
+from mbinterval.ownership import check_replaceable
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
 
@@ -188,13 +189,14 @@ def _check_clashes(job: Job, tasks: Sequence[Task]) -> None:
                 f"output {output!r}: {len(job.cameras)} cameras would overwrite each other; put "
                 f"{CAMERA_PLACE} where the camera's name belongs in the file's name"
             )
-    folder = Path(job.source).parent
     taken: dict[str, str] = {}
-    read = {os.path.realpath(folder / name) for name in job.files}
+    read = _read_files(job)
     for task in tasks:
         for path in task.paths:
-            place = os.path.abspath(path)
-            if os.path.realpath(place) in read:
+            place = _real(path)
+            if place is None:  # a pipe may be given twice
+                continue
+            if place in read:
                 raise UsageError(f"output {str(path)!r} is a file that the scene is read from")
             other = taken.get(place)
             if other == task.label:
@@ -204,16 +206,34 @@ def _check_clashes(job: Job, tasks: Sequence[Task]) -> None:
             taken[place] = task.label
 
 
+def _real(path: str | Path) -> str | None:
+    place = output_place(path)
+    return None if place is None else os.path.realpath(place)
+
+
+def _read_files(job: Job) -> set[str]:
+    folder = Path(job.source).parent
+    return {os.path.realpath(folder / name) for name in job.files}
+
+
+def check_apart(job: Job, tasks: Sequence[Task], stats: str | None, log: str | None) -> None:
+    """Raise `UsageError` where statistics or a log would go onto another file of the job."""
+    frames = {_real(path) for task in tasks for path in task.paths} - {None}
+    places = [path and _real(path) for path in (stats, log)]
+    if places[0] in frames | _read_files(job):
+        raise UsageError(f"{stats}: is another file of the job; give another name")
+    if places[1] and places[1] in frames | {places[0]}:
+        raise UsageError(f"{log}: is another file of the job; give another name")
+
+
 def prepare(tasks: Sequence[Task]) -> None:
     """Make the folders, check that they can be written to, and clear up after killed processes."""
-    first = {path.parent: path for task in reversed(tasks) for path in task.paths}
-    for folder, path in first.items():
-        prepare_output(path)
-        for leftover in remove_leftovers(folder):
-            _log.debug("removed %s, of a process that was killed", leftover)
+    folders = set()
     for path in (path for task in tasks for path in task.paths):
-        if path.is_dir():
-            raise OutputError(f"{path}: is a folder; give the name of a file")
+        place = output_place(path)
+        if place is None or place.parent not in folders:
+            prepare_output(path)
+            folders.add(path if place is None else place.parent)
 
 
 def survey(tasks: Sequence[Task]) -> dict[Task, str]:
@@ -222,18 +242,16 @@ def survey(tasks: Sequence[Task]) -> dict[Task, str]:
     Raises
     ------
     OutputError
-        Where a file is an image of another program, which is not replaced unasked.
+        Where a file is not provably of mbinterval, which is not replaced unasked.
     """
-    from mbinterval.provenance import is_foreign, why_not
+    from mbinterval.provenance import why_not
 
     reasons: dict[Task, str] = {}
     for task in tasks:
         found = [(path, why_not(path, task.identity)) for path in task.paths]
         for path, reason in found:
-            if reason and path.exists() and is_foreign(path):
-                raise OutputError(
-                    f"{path}: is there, and not by mbinterval; --overwrite replaces it"
-                )
+            if reason:
+                check_replaceable(path, path.suffix.lower(), "--overwrite replaces it")
         reasons[task] = "; ".join(f"{path} {reason}" for path, reason in found if reason)
     return reasons
 
@@ -277,7 +295,7 @@ def write_task(task: Task, film: Film, seconds: float) -> Report:
         timings={**film.timings, "write": took},
         stats=film.stats,
         notes=film.notes,
-        sizes=tuple(path.stat().st_size for path in task.paths),
+        sizes=tuple(path.stat().st_size for path in task.paths),  # 0 of what keeps nothing
     )
 
 

@@ -36,6 +36,7 @@ from mbinterval.device.meter import (
 )
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
+from mbinterval.ownership import SOFTWARE
 from mbinterval.settings import Settings, methods_of
 from mbinterval.stochastic_plan import sample_count
 
@@ -127,6 +128,7 @@ def measure(
         )
     return {
         "format": 1,
+        "software": SOFTWARE,
         "versions": _versions(meter.device),
         "machine": _machine(),
         "device": {

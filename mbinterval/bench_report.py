@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mbinterval.atomic import replacing
+from mbinterval.atomic import write_file
 from mbinterval.errors import UsageError
 
 FORMAT = 1
@@ -94,8 +94,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def write_result(path: str | Path, result: Mapping[str, Any]) -> None:
     """Write ``result`` as JSON: all of it or nothing. Raises ``OutputError``."""
-    with replacing(path) as temporary:
-        temporary.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_file(path, (json.dumps(result, indent=1) + "\n").encode())
 
 
 def read_result(path: str | Path) -> dict[str, Any]:

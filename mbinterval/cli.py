@@ -298,8 +298,8 @@ def _add_output_options(command: argparse.ArgumentParser) -> None:
         "--overwrite",
         action="store_true",
         help="render every frame, and replace what is there. Without it frames stay whose files "
-        "are whole and are just what would be rendered; other files of mbinterval are replaced, "
-        "and an image of another program is an error",
+        "are whole and are just what would be rendered; other files that say they are by "
+        "mbinterval are replaced, and any other file in the way is an error",
     )
     batch.add_argument(
         "--log", metavar="FILE", help="append a line of JSON for the job and for every frame"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import logging
 import os
-import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
@@ -25,6 +24,7 @@ from mbinterval.frames import (
     resolution,
 )
 from mbinterval.option_values import several_devices
+from mbinterval.ownership import SOFTWARE, check_replaceable
 from mbinterval.settings import SETTINGS, Settings, check_setting, conflicts
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 def render(arguments: argparse.Namespace) -> None:
     """``mbinterval render``: the frames that are not complete; each note about the scene once."""
-    from mbinterval.batch import check_exports, plan_tasks, prepare, survey
+    from mbinterval.batch import check_apart, check_exports, plan_tasks, prepare, survey
     from mbinterval.device.opencl import THREADS
     from mbinterval.joblog import JobLog
 
@@ -48,9 +48,12 @@ def render(arguments: argparse.Namespace) -> None:
     check_exports(job)
     tasks = plan_tasks(job)
     engine = _engine(arguments)
+    check_apart(job, tasks, arguments.stats, arguments.log)
     prepare(tasks)
     if arguments.stats:
         prepare_output(arguments.stats)
+        if not arguments.overwrite:
+            check_replaceable(arguments.stats, ".json", "--overwrite replaces it")
     with JobLog(arguments.log) as log:
         log.start(job, len(tasks), arguments.threads)
         reasons = dict.fromkeys(tasks, "--overwrite") if arguments.overwrite else survey(tasks)
@@ -107,12 +110,11 @@ def _write_outcomes(
 ) -> None:
     """Write each frame as it is done; the first that failed ends the job."""
     from mbinterval.batch import uninterrupted, write_task
-    from mbinterval.stats_file import stats_row, write_stats
+    from mbinterval.stats_file import StatsFile, stats_row
 
     said: set[str] = set()
-    rows: list[dict[str, Any]] = []
     count = sum(map(bool, reasons.values()))
-    with closing(outcomes):
+    with closing(outcomes), StatsFile(stats) as figures:
         for number, outcome in enumerate(outcomes, start=1):
             task, report = outcome.task, None
             try:
@@ -128,9 +130,7 @@ def _write_outcomes(
                 if note not in said:
                     _log.warning("mbinterval: note: %s", note)
             said.update(film.notes)
-            if stats:
-                rows.append(stats_row(task.frame, film, job.settings))
-                write_stats(stats, rows)
+            figures.add(stats_row(task.frame, film, job.settings))
             place, written = f"{number}/{count}", ", ".join(map(str, task.paths))
             _log.info("%s (%s): %.2f s -> %s", task.label, place, report.seconds, written)
             _log.debug("%s", _timing_lines(report.timings))
@@ -176,6 +176,7 @@ def bench(arguments: argparse.Namespace) -> None:
     before = read_result(arguments.baseline) if arguments.baseline else None
     if arguments.json:
         prepare_output(arguments.json)
+        check_replaceable(arguments.json, ".json", "give another name")
     scenes = arguments.scenes or benchmark.SCENES
     references = arguments.reference or ["-"] * len(scenes)
     if len(references) != len(scenes):
@@ -198,7 +199,7 @@ def bench(arguments: argparse.Namespace) -> None:
         names = [row.strip() for row in (arguments.rows or "").split(",")]
         rows = [*filter(None, names), *(arguments.settings or ())]
     result = benchmark.measure(cases, rows, arguments.rounds or benchmark.ROUNDS, arguments.device)
-    print(table(result))
+    print(table(result), flush=True)
     if arguments.json:
         write_result(arguments.json, result)
     if before is None:
@@ -216,10 +217,11 @@ def bench(arguments: argparse.Namespace) -> None:
 def compare(arguments: argparse.Namespace) -> None:
     """``mbinterval compare``: renders and files against the first of them."""
     from mbinterval.bench_report import write_result
-    from mbinterval.compare_sources import read_sources, render_sources, table
+    from mbinterval.compare_sources import read_sources, render_sources, table, write_maps
 
     if arguments.json:
         prepare_output(arguments.json)
+        check_replaceable(arguments.json, ".json", "give another name")
     sources = []
     for name in arguments.sources:
         if Path(name).suffix.lower() == ".exr":
@@ -240,12 +242,13 @@ def compare(arguments: argparse.Namespace) -> None:
         results[name] = mbinterval.compare(
             source.films, reference.films, samples=arguments.assume_samples, level=arguments.level
         )
-        if arguments.maps:
-            results[name].write_maps(Path(arguments.maps) / re.sub(r"[^\w.=,-]+", "_", name))
-    print(table(reference, results))
+    print(table(reference, results), flush=True)
+    if arguments.maps:
+        write_maps(Path(arguments.maps), results)
     if arguments.json:
         found = {name: result.as_dict() for name, result in results.items()}
-        write_result(arguments.json, {"reference": reference.name, "images": found})
+        facts = {"software": SOFTWARE, "reference": reference.name, "images": found}
+        write_result(arguments.json, facts)
 
 
 def study(arguments: argparse.Namespace) -> None:

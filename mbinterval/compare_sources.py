@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import glob
 import logging
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from mbinterval.bench_report import aligned
 from mbinterval.comparison import METRICS, Comparison
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
+from mbinterval.ownership import check_replaceable
 
 _log = logging.getLogger(__name__)
 
@@ -90,3 +92,18 @@ def _shown(metric: str, value: float | None) -> str:
     if metric == "psnr":
         return f"{value:.2f}"
     return f"{value:.5f}" if metric in ("ssim", "flip") else f"{value:.3e}"
+
+
+def write_maps(folder: Path, results: Mapping[str, Comparison]) -> None:
+    """Write error maps into a folder for each image, or none where a file is in the way."""
+    folders: dict[str, Path] = {}
+    for name in results:
+        place = folder / re.sub(r"[^\w.=,-]+", "_", name)
+        while place in folders.values():
+            place = place.with_name(f"{place.name}_")
+        folders[name] = place
+    for name, result in results.items():
+        for path in result.map_paths(folders[name]):
+            check_replaceable(path, ".png", "give another folder")
+    for name, result in results.items():
+        result.write_maps(folders[name])

@@ -16,6 +16,7 @@ from mbinterval.checks import nearest, number, shown, whole_number
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
 from mbinterval.images import srgb_to_linear, write_png
+from mbinterval.ownership import SOFTWARE
 from mbinterval.verdict import LEVEL, TOLERANCE, Repeats, Verdict, judge
 
 METRICS = ("rmse", "relative_mse", "mae", "psnr", "ssim", "flip")
@@ -82,15 +83,19 @@ class Comparison:
         pictures = dict(self.maps)
         if self.verdict is not None:
             pictures["verdict"] = np.where(self.disputed(), self.maps["rms"], np.float32(0.0))
-        written = []
-        for name, values in pictures.items():
-            path = Path(folder) / f"{name}.png"
+        paths = self.map_paths(folder)
+        for path, (name, values) in zip(paths, pictures.items(), strict=True):
             alpha = np.ones((*values.shape, 1), np.float32)
             rgba = np.concatenate([false_colour(values), alpha], axis=2)
             low, high = MAP_RANGE
-            write_png(path, rgba, False, {"map": name, "range": f"{low:g} to {high:g}, log"})
-            written.append(path)
-        return written
+            facts = {"software": SOFTWARE, "map": name, "range": f"{low:g} to {high:g}, log"}
+            write_png(path, rgba, False, facts)
+        return paths
+
+    def map_paths(self, folder: str | Path) -> list[Path]:
+        """Files that `write_maps` writes into ``folder``."""
+        names = [*self.maps, *(("verdict",) if self.verdict is not None else ())]
+        return [Path(folder) / f"{name}.png" for name in names]
 
     def disputed(self) -> NDArray[np.bool_]:
         """``(H, W)``: pixels that say no, and those of the tiles that do."""

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.atomic import replacing
+from mbinterval.atomic import write_file
 from mbinterval.checks import number
 from mbinterval.errors import CapacityError, OutputError, UsageError
 from mbinterval.exr import PIXEL_DIGEST, AttributeValue, pixel_digest
@@ -258,12 +258,14 @@ def _from_texts(
 def _write_npz(path: Path, events: Events) -> None:
     arrays = {"offsets": events.offsets, **events.columns}
     arrays |= {name: np.array(text) for name, text in events._texts().items()}
-    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+    written = io.BytesIO()
+    with zipfile.ZipFile(written, "w") as archive:
         for name, array in arrays.items():
             info = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
             content = io.BytesIO()
             np.lib.format.write_array(content, array, allow_pickle=False)
             archive.writestr(info, content.getbuffer(), zipfile.ZIP_DEFLATED, 1)
+    write_file(path, written.getbuffer())
 
 
 def _read_npz(path: Path) -> Events:
@@ -293,8 +295,9 @@ def _write_parquet(path: Path, events: Events) -> None:
     places = {"x": x, "y": y, "sample": sample}
     found = {name: values.astype(np.uint32) for name, values in places.items()}
     table = pyarrow.table({**found, **events.columns}).replace_schema_metadata(events._texts())
-    with replacing(path) as temporary:
-        pyarrow.parquet.write_table(table, temporary, compression="zstd")
+    written = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(table, written, compression="zstd")
+    write_file(path, memoryview(written.getvalue()))
 
 
 def _read_parquet(path: Path) -> Events:

@@ -2,12 +2,13 @@
 
 Guards against what the OpenEXR package does silently: it writes wrong pixels for arrays that
 are not contiguous, stores whole numbers beyond 32 bits as 0, changes the mappings that it is
-given, and opens a truncated file as one without parts.
+given, opens a truncated file as one without parts, and loses errors of the last that it writes.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.atomic import replacing
+from mbinterval.atomic import write_file
 from mbinterval.checks import shown
 from mbinterval.errors import OutputError
 
@@ -135,12 +136,12 @@ def _header(image: ExrImage, shape: tuple[int, ...]) -> dict[str, Any]:
 def _write(path: str | Path, header: dict[str, Any], channels: dict[str, NDArray[Any]]) -> None:
     import OpenEXR
 
-    with replacing(path) as temporary:
-        try:
-            OpenEXR.File(header, channels).write(os.fspath(temporary))
-        except (RuntimeError, TypeError, ValueError) as error:
-            reason = str(error).replace(os.fspath(temporary), os.fspath(path))
-            raise OutputError(f"{path}: cannot be written as EXR ({reason})") from error
+    written = io.BytesIO()
+    try:
+        OpenEXR.File(header, channels).write(written)
+    except (RuntimeError, TypeError, ValueError) as error:
+        raise OutputError(f"{path}: cannot be written as EXR ({error})") from error
+    write_file(path, written.getbuffer())
 
 
 def read_exr(path: str | Path) -> ExrImage:

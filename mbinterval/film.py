@@ -102,7 +102,8 @@ class Film:
         PNG has the colour alone, in 8 bits with the sRGB curve, and alpha, straight, where the film
         is transparent; metadata and digest are text chunks. A file that ends in .deep.exr gets the
         deep image, one in .npz or .parquet the events. Equal films give equal bytes. Missing
-        folders are made.
+        folders are made. What is there is replaced, whoever made it: a link stays and the file that
+        it leads to is replaced; a pipe or a device gets the bytes.
 
         Raises
         ------

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.atomic import replacing
+from mbinterval.atomic import write_file
 from mbinterval.checks import shown
 from mbinterval.errors import OutputError, SceneError
 from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_exr
@@ -166,8 +166,9 @@ def write_png(
     for name, value in text.items():
         info.add_itxt(name[:79], str(value))
     info.add_itxt(PIXEL_DIGEST, pixel_digest({"": pixels}))
-    with replacing(path) as temporary:
-        Image.fromarray(pixels).save(temporary, format="PNG", pnginfo=info)
+    written = io.BytesIO()
+    Image.fromarray(pixels).save(written, format="PNG", pnginfo=info)
+    write_file(path, written.getbuffer())
 
 
 def read_png(path: Path) -> tuple[NDArray[np.uint8], dict[str, str]]:

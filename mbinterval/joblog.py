@@ -1,5 +1,7 @@
 """The log of a job: one JSON object a line, appended, so that a kill costs no earlier line.
 
+A pipe or a device gets the lines as they come.
+
 Events are ``start``, ``frame`` and ``end``. A job without ``end`` was killed.
 """
 
@@ -17,7 +19,7 @@ from types import TracebackType
 from typing import Any
 
 from mbinterval import __version__
-from mbinterval.atomic import prepare_output
+from mbinterval.atomic import open_stream, output_place, prepare_output, write_all
 from mbinterval.batch import Job, Report, Task
 from mbinterval.errors import OutputError, exit_code
 
@@ -29,6 +31,7 @@ class JobLog:
 
     def __init__(self, path: str | Path | None) -> None:
         self._path = None if path is None else _checked(prepare_output(path))
+        self._stream: int | None = None
         self._counts = {"rendered": 0, "complete": 0}
 
     def __enter__(self) -> JobLog:
@@ -49,6 +52,9 @@ class JobLog:
             if error is None:
                 raise
             _log.warning("mbinterval: %s", unwritten)
+        finally:
+            if self._stream is not None:
+                os.close(self._stream)
 
     def start(self, job: Job, tasks: int, threads: int | None) -> None:
         """Write what the job is."""
@@ -100,19 +106,36 @@ class JobLog:
         now = datetime.now(UTC).isoformat(timespec="milliseconds")
         line = json.dumps({"event": event, "time": now, **values}) + "\n"
         try:
-            with self._path.open("ab+", buffering=0) as file:
-                file.seek(max(file.seek(0, os.SEEK_END) - 1, 0))
-                if file.read(1) not in (b"", b"\n"):  # a line that a full disk cut off
-                    line = "\n" + line
-                file.write(line.encode())
+            if output_place(self._path) is None:
+                self._send(self._path, event, line)
+            else:
+                _append(self._path, line)
         except OSError as error:
             raise OutputError(
                 f"{self._path}: cannot be written ({error.strerror or error})"
             ) from error
 
+    def _send(self, path: Path, event: str, line: str) -> None:
+        """Send a line to a pipe, which stays open: its reader takes the end for that of all."""
+        if self._stream is None and event == "end":
+            return  # it was stopped while it waited for a reader
+        if self._stream is None:
+            self._stream = open_stream(path)
+        write_all(self._stream, line.encode())
+
+
+def _append(path: Path, line: str) -> None:
+    with path.open("ab+", buffering=0) as file:
+        file.seek(max(file.seek(0, os.SEEK_END) - 1, 0))
+        if file.read(1) not in (b"", b"\n"):  # a line that a full disk cut off
+            line = "\n" + line
+        write_all(file.fileno(), line.encode())
+
 
 def _checked(path: Path) -> Path:
     """Refuse to append to a file that is no log."""
+    if output_place(path) is None:
+        return path
     try:
         with path.open("rb") as file:
             first = file.read(1 << 16).lstrip()

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbinterval import __version__
 from mbinterval.exr import AttributeValue
+from mbinterval.ownership import SOFTWARE
 from mbinterval.sampling import pattern_of
 from mbinterval.scene.exposure import Exposure
 from mbinterval.scene.model import Scene
@@ -32,7 +32,7 @@ def frame_metadata(
     """
     shutter, poses = scene.shutter, exposure.cameras[1]
     metadata: dict[str, AttributeValue] = {
-        "software": f"mbinterval {__version__}",
+        "software": SOFTWARE,
         "frame": float(exposure.frame),
         "fps": float(scene.fps),
         "shutterOpen": float(shutter.open),

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import mbinterval
+from mbinterval.atomic import output_place
 from mbinterval.deep import CHANNELS
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import OutputError, SceneError
@@ -24,13 +25,12 @@ from mbinterval.events import Events
 from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_deep, read_exr
 from mbinterval.frames import export_of
 from mbinterval.images import read_png
+from mbinterval.ownership import SOFTWARE
 from mbinterval.scene.camera import Shutter
 from mbinterval.settings import Settings
 
 IDENTITY = "identity"
 """Name of the attribute that holds a frame's identity."""
-
-_MADE_BY = "mbinterval "
 
 
 def file_digests(files: Sequence[Path]) -> dict[str, str]:
@@ -96,6 +96,8 @@ def why_not(path: Path, identity: str) -> str:
 
     The file is decoded in full and its pixels are compared with their digest.
     """
+    if output_place(path) is None:
+        return "keeps nothing"
     if not path.exists():
         return "is missing"
     try:
@@ -107,20 +109,10 @@ def why_not(path: Path, identity: str) -> str:
     return "" if attributes.get(PIXEL_DIGEST) == digest else "has pixels that were changed"
 
 
-def is_foreign(path: Path) -> bool:
-    """Whether ``path`` is an image that something else than mbinterval made."""
-    try:
-        attributes, _ = _decoded(path)
-    except OutputError:
-        return False
-    return not str(attributes.get("software", "")).startswith(_MADE_BY)
-
-
 def _difference(attributes: Mapping[str, Any]) -> str:
-    software = f"{_MADE_BY}{mbinterval.__version__}"
     if IDENTITY not in attributes:
         return "does not say what it was rendered from"
-    if attributes.get("software") != software:
+    if attributes.get("software") != SOFTWARE:
         return f"is by {attributes.get('software')}"
     return "was rendered from another scene, or with other settings"
 

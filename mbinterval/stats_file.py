@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mbinterval.atomic import replacing
+from mbinterval.atomic import output_place, write_file
 from mbinterval.film import Film
+from mbinterval.ownership import SOFTWARE
 from mbinterval.settings import Settings
 
 
@@ -18,6 +18,7 @@ def stats_row(frame: int, film: Film, settings: Settings) -> dict[str, Any]:
     ``sample_test_efficiency`` is hits over tests (Laine et al. 2011, 1), where both were counted.
     """
     row: dict[str, Any] = {
+        "software": SOFTWARE,
         "frame": frame,
         "settings": settings.given | {"cull": settings.cull},
         "seconds": dict(film.timings),
@@ -28,7 +29,30 @@ def stats_row(frame: int, film: Film, settings: Settings) -> dict[str, Any]:
     return row
 
 
-def write_stats(path: str | Path, rows: Sequence[dict[str, Any]]) -> None:
-    """Write rows as a JSON list; all of it or nothing. Raises ``OutputError``."""
-    with replacing(path) as temporary:
-        temporary.write_text(json.dumps(list(rows), indent=2) + "\n", encoding="utf-8")
+class StatsFile:
+    """Rows as a JSON list, in a file that is whole after each; None writes nothing.
+
+    A pipe or a device gets the list once, at the end of a job that did not fail. Raises
+    ``OutputError``.
+    """
+
+    def __init__(self, path: str | Path | None) -> None:
+        self._path, self._rows = path, list[dict[str, Any]]()
+        self._waits = path is not None and output_place(path) is None
+
+    def __enter__(self) -> StatsFile:
+        return self
+
+    def __exit__(self, _kind: Any, error: BaseException | None, _: Any) -> None:
+        if self._waits and error is None:
+            self._write()
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Write another row."""
+        self._rows.append(row)
+        if not self._waits:
+            self._write()
+
+    def _write(self) -> None:
+        if self._path is not None:
+            write_file(self._path, (json.dumps(self._rows, indent=2) + "\n").encode())

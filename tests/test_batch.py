@@ -113,24 +113,40 @@ def damage(path: Path, how: str, chance: random.Random) -> None:
 
 @pytest.mark.parametrize("how", ["cut", "flip", "zeros", "empty"])
 @pytest.mark.parametrize("ending", ["exr", "png", "deep.exr", "npz", "parquet"])
-def test_what_is_damaged_is_noticed_and_rendered_again(batch, how, ending):
+def test_what_is_damaged_is_noticed_and_replaced_where_it_still_says_whose_it_is(
+    batch, how, ending
+):
     output = ("-o", f"a.####.{ending}")
     batch("--frames", "1-8", *output)
     whole, chance = batch.files("a.*"), random.Random(f"{how} {ending}")
     for name in whole:
         damage(batch.folder / name, how, chance)
-    code, frames, _ = batch("--frames", "1-8", *output)
-    assert code == 0
-    kept = set(range(1, 9)) - set(frames)
+    kept, refused = set(), set()
+    for name, damaged in batch.files("a.*").items():
+        code, frames, said = batch("--frames", name[2:6], *output)
+        if code == 6:
+            assert re.search(f"{name}: is there, .*by mbinterval; --overwrite replaces it", said)
+            assert (frames, batch.files()[name]) == ([], damaged)
+            refused.add(name)
+        elif frames:
+            assert (code, batch.files()[name]) == (0, whole[name])
+        else:
+            assert code == 0
+            kept.add(name)
     # A flipped bit of padding, or one that decoders don't look at: headers of archives have more.
     assert len(kept) <= (4 if ending == "npz" else 2)
-    for name, data in batch.files("a.*").items():
-        if int(name[2:6]) not in kept:
-            assert data == whole[name]
-        elif ending == "exr":
-            (batch.folder / "whole.exr").write_bytes(whole[name])
-            found, was = (Film.read(batch.folder / file) for file in (name, "whole.exr"))
-            assert found.rgba.tobytes() == was.rgba.tobytes()
+    for name in kept if ending == "exr" else ():
+        (batch.folder / "whole.exr").write_bytes(whole[name])
+        found, was = (Film.read(batch.folder / file) for file in (name, "whole.exr"))
+        assert found.rgba.tobytes() == was.rgba.tobytes()
+    least, most = REFUSED.get((how, ending), {"cut": (8, 8), "empty": (0, 0)}.get(how, (0, 8)))
+    assert least <= len(refused) <= most
+    assert batch("--frames", "1-8", "--overwrite", *output)[0] == 0
+    assert batch.files("a.*") == whole
+
+
+REFUSED = {("flip", "exr"): (0, 1), ("flip", "deep.exr"): (0, 1), ("zeros", "png"): (8, 8)}
+"""Of eight files at least and at most how many: where what says whose a file is can be hit."""
 
 
 def test_what_is_made_of_spans_has_files_of_its_own_and_belongs_to_the_frame(batch):

@@ -17,7 +17,7 @@ from mbinterval.errors import MbintervalError
 from mbinterval.study.judge import Truth, make_truth
 from mbinterval.study.recommend import options, recommend
 from mbinterval.study.report import write_report
-from mbinterval.study.run import Progress, study
+from mbinterval.study.run import Progress, check_folder, study
 from mbinterval.study.sweeps import chosen
 
 _log = logging.getLogger(__name__)
@@ -28,6 +28,7 @@ def run_study(arguments: argparse.Namespace) -> None:
     chosen(arguments.sweeps)
     case = _case(arguments)
     folder = Path(arguments.output or f"study-{case.name.replace(':', '-')}")
+    check_folder(folder)
     prepare_output(folder / "study.json")
     truth = _truth(case, arguments, arguments.references or folder / "references")
     try:

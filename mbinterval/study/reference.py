@@ -8,6 +8,7 @@ root mean square. It is kept in a file whose name is a hash of all that it depen
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import logging
 import math
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mbinterval
-from mbinterval.atomic import prepare_output, replacing
+from mbinterval.atomic import prepare_output, write_file
 from mbinterval.bench import settings_text
 from mbinterval.bench_cases import Case
 from mbinterval.checks import number, whole_number
@@ -239,8 +240,9 @@ def _bytes_of(value: Any) -> Iterator[bytes]:
 
 def _write(path: Path, reference: Reference) -> None:
     facts = {"renders": reference.renders, "seconds": reference.seconds}
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, halves=reference.halves, facts=json.dumps(facts))
+    written = io.BytesIO()
+    np.savez(written, halves=reference.halves, facts=json.dumps(facts))
+    write_file(path, written.getbuffer())
 
 
 def _read(path: Path, settings: Settings) -> Reference | None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mbinterval.atomic import replacing
+from mbinterval.atomic import write_file
 from mbinterval.comparison import MAP_RANGE
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
@@ -36,8 +36,7 @@ def write_report(folder: str | Path) -> Path:
     folder = Path(folder)
     result = read_study(folder)
     path = folder / "report.html"
-    with replacing(path) as temporary:
-        temporary.write_text(page(result, folder), encoding="utf-8")
+    write_file(path, page(result, folder).encode())
     return path
 
 

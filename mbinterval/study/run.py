@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import io
 import json
 import logging
 import time
@@ -15,14 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.atomic import prepare_output, replacing
+from mbinterval.atomic import prepare_output, write_file
 from mbinterval.bench import Brevity, measure
 from mbinterval.bench_cases import Case
 from mbinterval.bench_report import write_result
 from mbinterval.checks import number, whole_number
 from mbinterval.device.choose import choose_device
 from mbinterval.device.meter import MeteredRuntime
+from mbinterval.errors import OutputError
 from mbinterval.film import Film
+from mbinterval.ownership import SOFTWARE, check_replaceable
 from mbinterval.settings import Settings
 from mbinterval.study.costs import CURVES, curve, effects
 from mbinterval.study.judge import ERRORS, Truth, colour_of, errors, exact_places
@@ -240,6 +243,7 @@ def _empty(case: Case, truth: Truth, key: str, rounds: int) -> dict[str, Any]:
     ]
     return {
         "format": FORMAT,
+        "software": SOFTWARE,
         "key": key,
         "scene": case.name,
         "frame": case.frame,
@@ -280,6 +284,22 @@ def _begun(path: Path | None, key: str) -> dict[str, Any] | None:
     return None
 
 
+def check_folder(folder: Path) -> None:
+    """Refuse a folder in which a study would replace files of somebody else.
+
+    Raises ``OutputError``.
+    """
+    path, remedy = folder / "study.json", "give another folder"
+    check_replaceable(path, ".json", remedy)
+    if path.exists():
+        return
+    for name in ("study.csv", "report.html"):
+        if (folder / name).exists():
+            raise OutputError(f"{folder / name}: is there, and of no study; {remedy}")
+    for film in sorted(folder.glob("films/*.exr")):
+        check_replaceable(film, ".exr", remedy)
+
+
 def _write_references(folder: Path, truth: Truth) -> None:
     """Films of the references of whole pixels, for the report."""
     for of in truth.pixels:
@@ -291,6 +311,7 @@ def _write_references(folder: Path, truth: Truth) -> None:
             intervals=np.zeros(shape, np.uint32),
             timings={},
             resolution=(shape[1], shape[0]),
+            metadata={"software": SOFTWARE},
         )
         film.write(folder / reference_name(of.method))
 
@@ -310,10 +331,11 @@ def write_csv(path: str | Path, result: Mapping[str, Any]) -> None:
 
     Raises ``OutputError``.
     """
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, _COLUMNS, restval="", extrasaction="ignore")
-        writer.writeheader()
-        for name, sweep in result["sweeps"].items():
-            for row in sweep["rows"]:
-                place = {"sweep": name, "series": sweep["series"], "row": row["name"]}
-                writer.writerow({**row, **place})
+    text = io.StringIO()
+    writer = csv.DictWriter(text, _COLUMNS, restval="", extrasaction="ignore")
+    writer.writeheader()
+    for name, sweep in result["sweeps"].items():
+        for row in sweep["rows"]:
+            place = {"sweep": name, "series": sweep["series"], "row": row["name"]}
+            writer.writerow({**row, **place})
+    write_file(path, text.getvalue().encode())
