@@ -304,7 +304,8 @@ def _read_parquet(path: Path) -> Events:
     check_parquet()
     import pyarrow.parquet
 
-    table = pyarrow.parquet.read_table(path)
+    with path.open("rb") as file:
+        table = pyarrow.parquet.read_table(file)
     stored = table.schema.metadata or {}
     texts = {name.decode(): text.decode() for name, text in stored.items()}
     columns = {name: table[name].to_numpy() for name in (*COLUMNS, "x", "y", "sample")}
