@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mbinterval.atomic import replacing
 from mbinterval.checks import shown
+from mbinterval.contents import read_file
 from mbinterval.errors import OutputError, SceneError
 from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_exr
 from mbinterval.radiance import decode_radiance
@@ -62,12 +63,17 @@ def read_image(path: str | Path) -> Float32:
     path = Path(path)
     if not path.is_file():
         raise SceneError(f"image {path}: no such file")
-    if path.suffix.lower() == ".exr":
-        return _read_exr_image(path)
     try:
-        data = path.read_bytes()
+        return _decoded(path, read_file(path))
     except OSError as error:
         raise SceneError(f"image {path}: {error.strerror or error}") from error
+    except MemoryError:
+        raise SceneError(f"image {path}: does not fit into memory; make it smaller") from None
+
+
+def _decoded(path: Path, data: bytes) -> Float32:
+    if path.suffix.lower() == ".exr":
+        return _read_exr_image(path, data)
     if data.startswith(b"#?"):
         return decode_radiance(data, str(path))
     return decode_image(data, str(path))
@@ -107,9 +113,9 @@ def linear_pixels(image: Image.Image) -> Float32:
     return linear
 
 
-def _read_exr_image(path: Path) -> Float32:
+def _read_exr_image(path: Path, data: bytes) -> Float32:
     try:
-        channels = read_exr(path).channels
+        channels = read_exr(path, data).channels
     except OutputError as error:
         raise SceneError(f"image {error}") from error
     names = "RGB" if {"R", "G", "B"} <= set(channels) else "YYY"

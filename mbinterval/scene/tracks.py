@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mbinterval.checks import shown
 from mbinterval.errors import SceneError
 from mbinterval.scene import checks
+from mbinterval.scene.frozen import Frozen
 
 Float64 = NDArray[np.float64]
 
@@ -22,7 +23,7 @@ INTERPOLATIONS = ("linear", "step", "cubic")
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Track(Frozen):
     """Values at keys.
 
     Attributes
@@ -134,7 +135,7 @@ class Placement(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Transform:
+class Transform(Frozen):
     """A node of a hierarchy: parent * translation * rotation * scale * matrix.
 
     Each of translation, rotation and scale is constant or a ``Track``; ``matrix`` is a constant
@@ -166,15 +167,34 @@ class Transform:
         if self.parent is not None:
             checks.check_kind(self.parent, Transform, "transform: parent")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Pickle would go up to the root node by node, deeper than Python's stack: so, of every
+        # thirty-second node, every thirty-second ancestor comes first, from the root on.
+        above = self._chain()[:-1]
+        stones = above[::_STRIDE] if len(above) % _STRIDE == 0 else []
+        return _restored, (stones, vars(self))
+
+    def _chain(self) -> list[Transform]:
+        """Its ancestors, the root first, and itself."""
+        chain: list[Transform] = []
+        node: Transform | None = self
+        while node is not None:
+            chain.append(node)
+            node = node.parent
+        return chain[::-1]
+
+    @property
+    def fingerprint(self) -> list[Any]:
+        """What tells it from others by contents, without its ancestors' records in one another."""
+        return [(n.translation, n.rotation, n.scale, n.matrix) for n in self._chain()]
+
     @property
     def tracks(self) -> list[Track]:
         """Every track of this node and of its ancestors."""
         found: list[Track] = []
-        node: Transform | None = self
-        while node is not None:
+        for node in reversed(self._chain()):
             values = (node.translation, node.rotation, node.scale)
             found += [value for value in values if isinstance(value, Track)]
-            node = node.parent
         return found
 
     @property
@@ -201,6 +221,15 @@ class Transform:
         local[:3, :3] = quaternion_matrix(_value(self.rotation, frame)) * _value(self.scale, frame)
         local[:3, 3] = _value(self.translation, frame)
         return local if self.matrix is None else local @ self.matrix
+
+
+_STRIDE = 32
+
+
+def _restored(_stones: list[Transform], state: dict[str, Any]) -> Transform:
+    made = Transform.__new__(Transform)
+    made.__setstate__(state)
+    return made
 
 
 def matrices_at(nodes: Sequence[Transform], frame: float) -> Float64:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from mbinterval.images import decode_image, undecoded
 from mbinterval.scene.model import Material, Texture
+from mbinterval.scene.usd_layers import Layers, without_link
 
 Note = Callable[[str], None]
 
@@ -33,16 +33,12 @@ class MaterialUse:
 
 
 class MaterialReader:
-    """Reads each material of a stage once, when it is first used; values at the earliest time.
+    """Reads each material of a stage once, when it is first used; values at the earliest time."""
 
-    ``files`` are the textures that were read.
-    """
-
-    def __init__(self, note: Note) -> None:
-        self._note = note
+    def __init__(self, note: Note, layers: Layers) -> None:
+        self._note, self._layers = note, layers
         self._uses: dict[Any, MaterialUse] = {}
         self._textures: dict[tuple[str, str, bool], Texture | None] = {}
-        self.files: list[Path] = []
 
     def use(self, prim: Any, double_sided: bool) -> MaterialUse:
         """Material that is bound to ``prim``; without one its colour is ``displayColor``."""
@@ -167,20 +163,17 @@ class MaterialReader:
 
     def _image(self, file: Any, wrap: str, raw: bool) -> Texture | None:
         """Texture of an asset path, inside a package too; None, and a note, if it is not there."""
-        from pxr import Ar
-
         key = (file.resolvedPath or file.path, wrap, raw)
         if key not in self._textures:
-            asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(file.resolvedPath))
+            data, name = self._layers.data(file.resolvedPath), without_link(file.path)
             self._textures[key] = None
-            if asset:
-                self.files.append(Path(file.resolvedPath))
-                image = decode_image(bytes(asset.GetBuffer()), file.path)
+            if data is None:
+                self._note(f"texture not found: {name}; its fallback colour is used")
+            else:
+                image = decode_image(data, name)
                 if raw:
                     image = undecoded(image)
-                self._textures[key] = Texture(image, name=file.path, wrap=wrap)
-            else:
-                self._note(f"texture not found: {file.path}; its fallback colour is used")
+                self._textures[key] = Texture(image, name=name, wrap=wrap)
         return self._textures[key]
 
 

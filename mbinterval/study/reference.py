@@ -25,7 +25,7 @@ import mbinterval
 from mbinterval.atomic import prepare_output, replacing
 from mbinterval.bench import settings_text
 from mbinterval.bench_cases import Case
-from mbinterval.checks import number, whole_number
+from mbinterval.checks import number, shown, whole_number
 from mbinterval.device.choose import choose_device
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import UsageError
@@ -231,10 +231,19 @@ def _bytes_of(value: Any) -> Iterator[bytes]:
         yield f"{len(value)}:".encode()
         for item in value:
             yield from _bytes_of(item)
+    elif hasattr(value, "fingerprint"):
+        yield from _bytes_of(value.fingerprint)
+    elif type(value).__module__.startswith("pxr."):  # what it is follows from the stage
+        named = value.GetPrim() if hasattr(value, "GetPrim") else value
+        yield from _bytes_of(str(named.GetPath()) if hasattr(named, "GetPath") else "")
     elif is_dataclass(value):
         yield from _bytes_of([(item.name, getattr(value, item.name)) for item in fields(value)])
     else:
-        raise TypeError(f"{type(value).__name__} has no bytes to hash")
+        raise UsageError(
+            f"{shown(value)}: a scene with a part that is not of mbinterval is not known by its "
+            "contents, so that references of it cannot be kept: make it of transforms, tracks or "
+            "positions per time"
+        )
 
 
 def _write(path: Path, reference: Reference) -> None:
