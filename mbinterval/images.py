@@ -91,14 +91,28 @@ def decode_image(data: bytes, what: str) -> Float32:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with Image.open(io.BytesIO(data)) as image:
+                _check_size(image, len(data))
                 image.load()
                 return linear_pixels(image)
     except UnidentifiedImageError as error:  # its text has an address and no more
         raise SceneError(
             f"image {what}: not a kind of image that is known, or broken; save it as PNG or EXR"
         ) from error
+    except MemoryError:
+        raise SceneError(f"image {what}: does not fit into memory; make it smaller") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise SceneError(f"image {what}: cannot be read ({error}); save it again") from error
+
+
+_MOST_PIXELS = {"PNG": 8 * 1032, "GIF": 8 * 1032, "JPEG": 8 * 1032, "PPM": 8}
+"""Pixels of a byte, by the kind of file: of those that pack bits by deflate, LZW or less."""
+
+
+def _check_size(image: Image.Image, size: int) -> None:
+    """Refuse a header that claims more pixels than the ``size`` bytes of the file can hold."""
+    width, height = image.size
+    if width * height > _MOST_PIXELS.get(str(image.format), width * height) * size:
+        raise ValueError(f"its header claims {width} x {height} pixels, more than the file holds")
 
 
 def linear_pixels(image: Image.Image) -> Float32:
@@ -184,14 +198,18 @@ def read_png(path: Path) -> tuple[NDArray[np.uint8], dict[str, str]]:
     OutputError
         Where the file is missing, no PNG, cut off, or a checksum is wrong.
     """
-    from PIL import Image
+    from PIL.PngImagePlugin import PngImageFile
 
     try:
-        with Image.open(path, formats=["PNG"]) as image:
+        data = path.read_bytes()
+        with PngImageFile(io.BytesIO(data)) as image:
+            _check_size(image, len(data))
             image.verify()  # the checksums of all chunks
-        with Image.open(path, formats=["PNG"]) as image:
+        with PngImageFile(io.BytesIO(data)) as image:
             image.load()
             text = {str(key): str(value) for key, value in image.info.items()}
             return np.asarray(image), text
-    except (OSError, ValueError, SyntaxError, Warning, Image.DecompressionBombError) as error:
+    except MemoryError:
+        raise OutputError(f"{path}: does not fit into memory") from None
+    except (OSError, ValueError, SyntaxError, Warning) as error:
         raise OutputError(f"{path}: not a whole PNG ({error})") from error

@@ -20,9 +20,11 @@ from pxr import Sdf, Usd
 from test_batch_process import finish, start
 
 import mbinterval as mb
+from mbinterval.bench_cases import Case
 from mbinterval.exr import ExrImage, write_exr
 from mbinterval.scene import usd_layers
 from mbinterval.scene.load import load_file
+from mbinterval.study.reference import fingerprint
 
 LOOK = """[camera]
 position = [0, 0, 4]
@@ -407,6 +409,25 @@ def test_a_missing_layer_is_a_note_and_no_path_is_that_of_the_link(tmp_path, cap
     with pytest.raises(mb.SceneError, match=r"bad\.usda") as caught:
         mb.load(tmp_path / "bad.usda")
     assert "mbinterval-usd" not in "".join((*notes, str(caught.value), *capfd.readouterr()))
+
+
+@pytest.mark.parametrize("kind", ["usda", "clips", "gltf"])
+def test_references_of_a_study_are_of_what_the_files_say(tmp_path, kind):
+    """They are kept by a digest of all that was read, wherever it lies."""
+    keys = []
+    for number, value in enumerate((0, 1, 0)):
+        (tmp_path / str(number)).mkdir()
+        scene = mb.load(KINDS[kind](tmp_path / str(number), value))
+        keys.append(fingerprint(Case("a", scene, 1.0, 8, 6), mb.Settings()))
+    if kind == "clips":  # which have an absolute path in them
+        keys[2] = keys[0]
+    assert keys[0] == keys[2] != keys[1]
+
+
+def test_what_is_not_known_by_contents_has_no_reference():
+    mesh = mb.Mesh(np.eye(3), [[0, 1, 2]], deformer=object())
+    with pytest.raises(mb.UsageError, match="not known by its contents"):
+        fingerprint(Case("a", mb.Scene([mesh]), 1.0, 8, 6), mb.Settings())
 
 
 EDITED = """

@@ -17,8 +17,8 @@ from mbinterval.contents import read_file
 from mbinterval.errors import SceneError
 from mbinterval.scene.gltf_check import COMPONENTS, SHAPES, check_document
 
-_MOST_ZEROS = 2**26
-"""Elements of an accessor without data: more are a mistake, not a mesh."""
+_FEW_ZEROS = 2**10
+"""Elements of an accessor without data, where none has data that say how many there may be."""
 
 
 class GltfData:
@@ -71,8 +71,14 @@ class GltfData:
         columns, rows = SHAPES[accessor.type]
         kind = np.dtype(COMPONENTS[accessor.componentType])
         if accessor.bufferView is None:
-            if accessor.count > _MOST_ZEROS:
-                raise SceneError(f"accessors[{index}] has {accessor.count} elements and no data")
+            given = [
+                other.count for other in self.document.accessors if other.bufferView is not None
+            ]
+            if accessor.count > max(given, default=_FEW_ZEROS):
+                raise SceneError(
+                    f"accessors[{index}] has {accessor.count} elements and no data, more than any "
+                    "that has; the file is damaged"
+                )
             values = np.zeros((accessor.count, columns, rows), kind)
         else:
             values = self._strided(index, kind, columns, rows)

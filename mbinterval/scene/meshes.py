@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ def read_mesh_file(path: Path, root: Transform | None = None) -> Asset:
         raise SceneError(f"{path}: meshes of kind {kind!r} can't be read; known: {known}")
     with reading(path, kind.upper()):
         data, resolver = read_file(path), _recording_resolver(path)
+        _check_lines(kind, data)
         loaded = trimesh.load_scene(
             io.BytesIO(_utf8(data) if kind in ("obj", "off") else data),
             file_type=kind,
@@ -56,6 +58,28 @@ def read_mesh_file(path: Path, root: Transform | None = None) -> Asset:
     if not meshes:
         raise SceneError(f"{path}: holds no triangles")
     return Asset(meshes, notes=notes)
+
+
+def _check_lines(kind: str, data: bytes) -> None:
+    """Refuse a text file with fewer lines than its header claims vertices and faces.
+
+    trimesh takes as many as there are.
+    """
+    lines = data.split(b"\n") if kind == "off" else []
+    claimed = 0
+    if kind == "ply" and b"\nformat ascii" in data[:1000]:
+        head, _, body = data.partition(b"end_header")
+        lines = body.split(b"\n")[1:]
+        claimed = sum(map(int, re.findall(rb"^element\s+\w+\s+(\d+)", head, re.MULTILINE)))
+    lines = [line for line in lines if line.split(b"#")[0].strip()]
+    if kind == "off" and lines:
+        first = lines.pop(0).replace(b"OFF", b"").split() or lines.pop(0).split()
+        claimed = sum(map(int, first[:2]))
+    if claimed > len(lines):
+        raise SceneError(
+            f"its header claims {claimed} vertices and faces, but {len(lines)} lines follow; it is "
+            "cut off or damaged"
+        )
 
 
 def _recording_resolver(path: Path) -> Any:

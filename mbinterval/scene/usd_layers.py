@@ -25,7 +25,7 @@ from mbinterval.errors import SceneError
 T = TypeVar("T")
 
 _TAG = "mbinterval-usd-"
-_LINK = re.compile(rf"[^\s@'\"]*/{_TAG}[^/]*/root(?=/)")
+_LINK = re.compile(re.escape(os.path.join(tempfile.gettempdir(), _TAG)) + "[^/]*/root(?=/)")
 _STAGE = re.compile(r" *\(instantiating stage on stage [^)]*\)\.?")
 _TRIES = 5
 _GRAIN = 2 * 10**9

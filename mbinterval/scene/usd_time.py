@@ -54,7 +54,8 @@ class Clock:
     @cached_property
     def fingerprint(self) -> tuple[str, float]:
         """What tells it from others by contents: a digest of the stage, and the rate."""
-        return hashlib.sha256(self.stage.ExportToString().encode()).hexdigest(), self.rate
+        text = without_link(self.stage.ExportToString(addSourceFileComment=False))
+        return hashlib.sha256(text.encode()).hexdigest(), self.rate
 
     def code(self, frame: float) -> Any:
         """Return the ``Usd.TimeCode`` of ``frame``."""

@@ -16,12 +16,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 import mbinterval
+from mbinterval.arrays import read_arrays
 from mbinterval.atomic import prepare_output, replacing
 from mbinterval.bench import settings_text
 from mbinterval.bench_cases import Case
@@ -138,7 +138,7 @@ def converged(
     if folder is not None:
         key = fingerprint(case, settings, device)
         path = prepare_output(Path(folder) / f"{case.name.replace(':', '-')}-{key}.npz")
-        kept = _read(path, settings)
+        kept = _read(path, settings, case)
         if kept is not None and (_fine(kept, error) or kept.renders >= most):
             return kept
     reference = _made(case, settings, error, most, device, progress)
@@ -252,16 +252,16 @@ def _write(path: Path, reference: Reference) -> None:
         np.savez(file, halves=reference.halves, facts=json.dumps(facts))
 
 
-def _read(path: Path, settings: Settings) -> Reference | None:
+def _read(path: Path, settings: Settings, case: Case) -> Reference | None:
     if not path.exists():
         return None
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            halves, facts = stored["halves"], json.loads(str(stored["facts"]))
-        if halves.dtype != np.float32 or halves.ndim != 4 or len(halves) != 2:
-            raise ValueError("no halves of an image")
+        stored = read_arrays(path, ["halves", "facts"])
+        halves, facts = stored["halves"], json.loads(str(stored["facts"]))
+        if halves.dtype != np.float32 or halves.shape != (2, case.height, case.width, 3):
+            raise ValueError("no halves of the image")
         renders, seconds = int(facts["renders"]), float(facts["seconds"])
         return Reference(halves, settings_text(settings), settings.method, renders, seconds)
-    except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         _log.warning("reference %s: cannot be read (%s); it is made again", path, error)
         return None
