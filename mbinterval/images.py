@@ -138,12 +138,17 @@ def _read_exr_image(path: Path, data: bytes) -> Float32:
             f"image {path}: no R, G, B or Y channel among {', '.join(sorted(channels))}"
         )
     pixels = np.stack([channels[name] for name in names], axis=2).astype(np.float32)
+    if "A" in channels:
+        alpha = channels["A"].astype(np.float32)[..., None]
+        with np.errstate(over="ignore", invalid="ignore"):
+            pixels = np.concatenate([unpremultiplied(pixels, alpha), alpha], axis=2)
     if not np.isfinite(pixels).all():
-        raise SceneError(f"image {path}: has pixels that are not finite")
-    if "A" not in channels:
-        return pixels
-    alpha = channels["A"].astype(np.float32)[..., None]
-    return np.concatenate([unpremultiplied(pixels, alpha), alpha], axis=2)
+        row, column, channel = np.argwhere(~np.isfinite(pixels))[0]
+        raise SceneError(
+            f"image {path}: {'RGBA'[channel]} is {pixels[row, column, channel]} in row {row}, "
+            f"column {column}; every value must be finite: mend it where it was made"
+        )
+    return pixels
 
 
 def unpremultiplied(colour: Float32, alpha: Float32) -> Float32:

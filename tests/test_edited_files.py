@@ -11,6 +11,8 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
+import time
 
 import numpy as np
 import pytest
@@ -324,9 +326,9 @@ def test_a_binary_layer_that_is_cut_while_its_scene_lives_ends_no_process(tmp_pa
     mesh.CreateAttribute("faceVertexCounts", Sdf.ValueTypeNames.IntArray).Set([3])
     mesh.CreateAttribute("faceVertexIndices", Sdf.ValueTypeNames.IntArray).Set([0, 1, 2])
     points = mesh.CreateAttribute("points", Sdf.ValueTypeNames.Point3fArray)
-    for time in range(6):
-        random = np.random.default_rng(time).uniform(-1, 1, (20_000, 3))
-        points.Set([tuple(map(float, point)) for point in random], time)
+    for code in range(6):
+        random = np.random.default_rng(code).uniform(-1, 1, (20_000, 3))
+        points.Set([tuple(map(float, point)) for point in random], code)
     stage.Save()
     scene(tmp_path, 'file = "m.usdc"')
     run = subprocess.run(
@@ -428,6 +430,23 @@ def test_what_is_not_known_by_contents_has_no_reference():
     mesh = mb.Mesh(np.eye(3), [[0, 1, 2]], deformer=object())
     with pytest.raises(mb.UsageError, match="not known by its contents"):
         fingerprint(Case("a", mb.Scene([mesh]), 1.0, 8, 6), mb.Settings())
+
+
+def test_links_of_processes_that_were_killed_are_cleared_up(tmp_path, monkeypatch):
+    """A day later; without a folder for them it is said what to do."""
+    main = usda(tmp_path, 0)
+    own = tmp_path / "temporary files"
+    for name, age in (("old", 2 * 86400), ("new", 60)):
+        folder = own / f"mbinterval-usd-{name}"
+        folder.mkdir(parents=True)
+        (folder / "root").symlink_to("/")
+        os.utime(folder, (time.time() - age,) * 2)
+    monkeypatch.setattr(tempfile, "tempdir", str(own))
+    mb.load(main)
+    assert [path.name for path in own.iterdir()] == ["mbinterval-usd-new"]
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    with pytest.raises(mb.SceneError, match=r"m\.usda: .*cannot be made.*; set TMPDIR"):
+        mb.load(main)
 
 
 EDITED = """

@@ -324,6 +324,10 @@ def euler_quaternion(degrees: Sequence[float], order: str = "xyz") -> NDArray[np
     return result
 
 
+_MOST_TURN = 3.6e7
+"""Degrees between two keys: a hundred thousand turns."""
+
+
 def euler_track(angles: Track, order: str) -> Track:
     """Rotation track from Euler keys in degrees: slerp between keys, turns of 180 and more kept.
 
@@ -333,6 +337,11 @@ def euler_track(angles: Track, order: str) -> Track:
     frames, values = list(angles.frames[:1]), list(angles.values[:1])
     for key in range(1, len(angles.frames)):
         turn = float(np.abs(angles.values[key] - angles.values[key - 1]).max())
+        if turn > _MOST_TURN:
+            raise SceneError(
+                f"transform: euler turns by {turn:g} degrees up to the key at frame "
+                f"{angles.frames[key]:g}; at most {_MOST_TURN:g} may lie between keys"
+            )
         steps = (
             int(np.ceil(turn / 90.0)) if turn >= 180.0 and angles.interpolation == "linear" else 1
         )

@@ -267,4 +267,5 @@ def _curve(value: Any) -> str | tuple[float, ...]:
         raise checks.refuse(value, "shutter: curve", expected)
     if not (np.isfinite(curve).all() and (curve >= 0.0).all() and curve.any()):
         raise SceneError("shutter: curve values must be finite, from 0 up, and not all 0")
+    checks.row(curve, len(curve), "shutter: curve", "finite numbers")
     return tuple(curve.tolist())

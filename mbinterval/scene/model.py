@@ -209,11 +209,14 @@ class Light(Frozen):
                 f"light: inner_angle={inner:g}, outer_angle={outer:g}; expected inner_angle < "
                 "outer_angle, in degrees from the middle of the cone"
             )
+        color = checks.vector(self.color, "light: color")
+        intensity = checks.number(self.intensity, "light: intensity", 0.0)
+        checks.product({"color": color, "intensity": intensity}, "light")
         freeze(
             self,
             kind=kind,
-            color=checks.vector(self.color, "light: color"),
-            intensity=checks.number(self.intensity, "light: intensity", 0.0),
+            color=color,
+            intensity=intensity,
             direction=direction,
             position=checks.vector(self.position, "light: position"),
             inner_angle=inner,
@@ -329,6 +332,9 @@ class Mesh(Frozen):
     def _check_material(self, shading: str | None, where: str) -> None:
         if self.material is not None:
             checks.check_kind(self.material, Material, f"{where}: material")
+            base = self.material.base_color
+            if self.color is not None and max(map(abs, base)) > 1.0:
+                checks.product({"color": self.color, "base_color": base}, where)
         if shading is None:
             return
         if self.material is not None:
@@ -451,7 +457,5 @@ def _background(value: Any) -> Vector | Float32:
     if isinstance(value, str | Path) or np.ndim(value) == 3:
         pixels: Float32 = checks.image(value, what)[..., :3]
         return pixels
-    try:
-        return checks.vector(value, what)
-    except SceneError:
-        raise checks.refuse(value, what, "three finite numbers, or an image (h, w, 3)") from None
+    red, green, blue = checks.row(value, 3, what, "three finite numbers, or an image (h, w, 3)")
+    return red, green, blue

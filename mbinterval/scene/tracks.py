@@ -54,8 +54,8 @@ class Track(Frozen):
                 f"track: {frames.shape} key times for values of shape {values.shape}; "
                 "expected as many times as values, at least one"
             )
-        if not (np.isfinite(frames).all() and np.isfinite(values).all()):
-            raise SceneError("track: every key time and value must be finite")
+        for name, array in (("frames", frames), ("values", values)):
+            checks.check_finite(array.reshape(len(frames), -1), f"track: {name}", "key")
         if np.any(np.diff(frames) <= 0):
             raise SceneError(f"track: key times must increase, got {shown(frames.tolist())}")
         interpolation = checks.choice(self.interpolation, INTERPOLATIONS, "track: interpolation")
@@ -211,9 +211,10 @@ class Transform(Frozen):
         """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns."""
         world = self._local(frame)
         node = self.parent
-        while node is not None:  # a loop, since files may nest deeper than Python's stack
-            world = node._local(frame) @ world
-            node = node.parent
+        with np.errstate(over="ignore", invalid="ignore"):  # who asks looks at the result
+            while node is not None:  # a loop, since files may nest deeper than Python's stack
+                world = node._local(frame) @ world
+                node = node.parent
         return world
 
     def _local(self, frame: float) -> Float64:
@@ -241,9 +242,10 @@ def matrices_at(nodes: Sequence[Transform], frame: float) -> Float64:
         while step is not None and id(step) not in known:
             chain.append(step)
             step = step.parent
-        for item in reversed(chain):
-            local = item._local(frame)
-            known[id(item)] = local if item.parent is None else known[id(item.parent)] @ local
+        with np.errstate(over="ignore", invalid="ignore"):  # who asks looks at the result
+            for item in reversed(chain):
+                local = item._local(frame)
+                known[id(item)] = local if item.parent is None else known[id(item.parent)] @ local
     return np.array([known[id(node)] for node in nodes]).reshape(-1, 4, 4)
 
 
@@ -267,6 +269,7 @@ def _affine(value: Any) -> Float64:
     matrix = checks.numbers(value, np.float64, "transform: matrix")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         raise checks.refuse(value, "transform: matrix", "4 x 4 finite numbers")
+    checks.check_finite(matrix, "transform: matrix", "row")
     if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), rtol=0.0, atol=1e-6):
         raise SceneError(
             f"transform: the last row of matrix is {matrix[3].tolist()}, expected [0, 0, 0, 1]; it "

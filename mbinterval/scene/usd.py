@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene import checks
 from mbinterval.scene.asset import Asset, reading, several_cameras
 from mbinterval.scene.model import Camera, Mesh, Shutter, Viewpoint
 from mbinterval.scene.tracks import Track, Transform
@@ -176,7 +177,8 @@ class _StageReader:
             **lens,
         )
         opens, closes = (
-            float(attribute.Get(self.start) or 0.0) / self.clock.rate
+            checks.number(float(attribute.Get(self.start) or 0.0), str(attribute.GetPath()))
+            / self.clock.rate
             for attribute in (source.GetShutterOpenAttr(), source.GetShutterCloseAttr())
         )
         return [Viewpoint(camera, Shutter(opens, closes) if closes > opens else Shutter())]

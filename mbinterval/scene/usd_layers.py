@@ -15,7 +15,7 @@ import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,8 +24,8 @@ from mbinterval.errors import SceneError
 
 T = TypeVar("T")
 
-_TAG = "mbinterval-usd-"
-_LINK = re.compile(re.escape(os.path.join(tempfile.gettempdir(), _TAG)) + "[^/]*/root(?=/)")
+_TAG, _ROOT = "mbinterval-usd-", "root"
+_DAY = 86400.0
 _STAGE = re.compile(r" *\(instantiating stage on stage [^)]*\)\.?")
 _TRIES = 5
 _GRAIN = 2 * 10**9
@@ -34,7 +34,8 @@ _GRAIN = 2 * 10**9
 
 def without_link(text: str) -> str:
     """``text`` with the paths that the user knows."""
-    return _LINK.sub("", text)
+    start = os.path.join(tempfile.gettempdir(), _TAG)
+    return re.sub(f"{re.escape(start)}[^/]*/{_ROOT}(?=/)", "", text)
 
 
 class Layers:
@@ -101,7 +102,7 @@ class Layers:
         from pxr import Ar
 
         def enclosed(path: str) -> str:
-            if not path:
+            if not path or path.startswith("`"):  # an expression of variables
                 return path
             full = Ar.GetResolver().Resolve(layer.ComputeAbsolutePath(path)).GetPathString()
             return self._prefix + full if self._is_outside(full) else path
@@ -132,14 +133,32 @@ def _opened(path: Path) -> Iterator[Layers]:
     rules = Sdf.Layer.GetDetachedLayerRules()
     if _TAG not in rules.GetIncluded():
         Sdf.Layer.SetDetachedLayerRules(rules.Include([_TAG]))
-    folder = tempfile.mkdtemp(prefix=_TAG)
-    link = os.path.join(folder, "root")
     try:
-        os.symlink("/", link)
-        yield Layers(path, link)
+        folder = tempfile.mkdtemp(prefix=_TAG)
+        os.symlink("/", os.path.join(folder, _ROOT))
+    except OSError as error:
+        raise SceneError(
+            f"USD files are read through a link among temporary files, which cannot be made "
+            f"({error}); set TMPDIR to a folder that can be written to"
+        ) from error
+    try:
+        yield Layers(path, os.path.join(folder, _ROOT))
     finally:
-        os.unlink(link)
-        os.rmdir(folder)
+        _remove(folder)
+        _clear_up()
+
+
+def _remove(folder: str) -> None:
+    os.unlink(os.path.join(folder, _ROOT))
+    os.rmdir(folder)
+
+
+def _clear_up() -> None:
+    """Remove links of processes that were killed a day ago or earlier."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{_TAG}*"):
+        with suppress(OSError):
+            if time.time() - folder.lstat().st_mtime > _DAY:
+                _remove(str(folder))
 
 
 def read_layers(path: Path, read: Callable[[Layers], T]) -> T:

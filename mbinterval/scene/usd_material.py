@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.images import decode_image, undecoded
+from mbinterval.scene.checks import number
 from mbinterval.scene.model import Material, Texture
 from mbinterval.scene.usd_layers import Layers, without_link
 
@@ -82,7 +83,7 @@ class MaterialReader:
             if field_name == "emission":
                 found[field_name] = _triple(value)
             else:
-                found[field_name] = min(max(float(value), 0.0), 1.0)
+                found[field_name] = _share(value, f"material {material.name!r}: {name}")
         return replace(material, **found)
 
     def _with_color(self, material: Material, shader: Any) -> MaterialUse:
@@ -107,7 +108,8 @@ class MaterialReader:
         mode = tested if threshold > 0.0 else {}
         source = _source(given)
         if source is None:
-            opacity = min(max(float(_value(given, 1.0)), 0.0), 1.0)
+            what = f"material {use.material.name!r}: opacity"
+            opacity = _share(_value(given, 1.0), what)
             return replace(use, material=replace(use.material, opacity=opacity, **mode))
         placed = self._alpha_texture(use, source, given)
         if placed is None:
@@ -217,6 +219,11 @@ def _coordinates(reader: Any) -> tuple[str, NDArray[np.float64], NDArray[np.floa
         reader = _source(reader.GetInput("in"))
     name = "st" if reader is None else str(_value(reader.GetInput("varname"), "st"))
     return name, linear, offset
+
+
+def _share(value: Any, what: str) -> float:
+    """Return a number cut to 0 to 1."""
+    return min(max(number(float(value), what), 0.0), 1.0)
 
 
 def _triple(value: Any) -> tuple[float, float, float]:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene.checks import number
 from mbinterval.scene.frozen import OfStage
 from mbinterval.scene.tracks import Placement, Track
 from mbinterval.scene.usd_layers import without_link
@@ -140,7 +141,7 @@ def keyed(attribute: Any, clock: Clock) -> float | Track | None:
     from pxr import Usd
 
     value = attribute.Get(Usd.TimeCode.EarliestTime())
-    return None if value is None else float(value)
+    return None if value is None else number(float(value), str(attribute.GetPath()))
 
 
 def visibility(prim: Any, clock: Clock) -> bool | Track:
