@@ -36,7 +36,7 @@ _MADE_BY = "mbinterval "
 def named_digests(files: Mapping[Path, str]) -> dict[str, str]:
     """Digests of ``files`` by their paths relative to the folder of the first."""
     folder = next(iter(files), Path()).parent
-    return {os.path.relpath(path, folder): digest for path, digest in files.items()}
+    return {os.path.relpath(path, folder): digest for path, digest in dict(files).items()}
 
 
 @cache
