@@ -66,6 +66,7 @@ def render(
     Raises
     ------
     UsageError, SceneError, DeviceError, KernelBuildError, CapacityError
+        A ``SceneError`` also for a film that would have a NaN or an infinity: it names the pixel.
     """
     from mbinterval.finite import first_wrong
 

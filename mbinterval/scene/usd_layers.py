@@ -157,7 +157,8 @@ def _clear_up() -> None:
     """Remove links of processes that were killed a day ago or earlier."""
     for folder in Path(tempfile.gettempdir()).glob(f"{_TAG}*"):
         with suppress(OSError):
-            if time.time() - folder.lstat().st_mtime > _DAY:
+            old = time.time() - folder.lstat().st_mtime > _DAY
+            if old and (folder / _ROOT).is_symlink():
                 _remove(str(folder))
 
 
