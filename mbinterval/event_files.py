@@ -59,7 +59,7 @@ def _read_parquet(path: Path, columns: Mapping[str, str]) -> Events:
     check_parquet()
     import pyarrow.parquet
 
-    with pyarrow.parquet.ParquetFile(path) as file:
+    with path.open("rb") as stream, pyarrow.parquet.ParquetFile(stream) as file:
         stored = file.schema_arrow.metadata or {}
         texts = {name.decode(): text.decode() for name, text in stored.items()}
         rows, width, samples = _shape(texts)
