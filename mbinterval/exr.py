@@ -205,7 +205,8 @@ def _read(path: str | Path, data: bytes | None = None) -> Any:
         with path.open("rb") if data is None else _in_memory(data) as file:
             if file.read(len(_MAGIC)) != _MAGIC:
                 raise OutputError(f"{path}: not an EXR file, the only kind that can be read back")
-            name = os.fspath(path) if data is None else f"/proc/self/fd/{file.fileno()}"
+            plain = data is None and os.fspath(path).isprintable()  # OpenEXR's names are UTF-8
+            name = os.fspath(path) if plain else f"/proc/self/fd/{file.fileno()}"
             return _first_part(path, name, os.fstat(file.fileno()).st_size)
     except OSError as error:
         raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from error

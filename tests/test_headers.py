@@ -10,6 +10,7 @@ import base64
 import copy
 import io
 import json
+import os
 import struct
 import subprocess
 import sys
@@ -473,3 +474,19 @@ for _ in range(300):
         refused += 1
 print(refused)
 """
+
+
+def test_films_are_read_from_folders_of_any_name(tmp_path):
+    """OpenEXR takes names in UTF-8 alone."""
+    triangle = mb.Mesh(np.eye(3), [[0, 1, 2]], shading="unlit")
+    film = mb.render(
+        mb.Scene([triangle]), width=8, height=6, settings=mb.Settings(samples=1, aovs="deep")
+    )
+    film.write(tmp_path / "a.exr")
+    film.write(tmp_path / "a.deep.exr")
+    folder = tmp_path / os.fsdecode(b"bytes \xff\xfe")
+    folder.mkdir()
+    for name, read in (("a.exr", mb.Film.read), ("a.deep.exr", mb.DeepImage.read)):
+        (folder / name).write_bytes((tmp_path / name).read_bytes())
+        assert np.array_equal(read(folder / name).rgba, read(tmp_path / name).rgba)
+    assert mb.read_image(folder / "a.exr").shape == (6, 8, 4)
