@@ -75,10 +75,10 @@ def _in_list(film: Film, name: str, values: NDArray[Any], pixel: NDArray[Any]) -
 def blamed(scene: Scene, seen: Sequence[int]) -> str:
     """Say which numbers of the meshes ``seen``, by their places, and of lights are largest."""
     found = {}
+    named = [repr(mesh.name) if mesh.name else str(n) for n, mesh in enumerate(scene.meshes)]
     for place in seen or range(len(scene.meshes)):
-        name = scene.meshes[place].name
         for what, value in _numbers(scene.meshes[place]).items():
-            found[f"{what} of mesh {name!r}"] = value
+            found[f"{what} of mesh {named[place]}"] = value
     for number, light in enumerate(scene.lights):
         found[f"light {number} ({light.kind})"] = _most(light.color) * light.intensity
     if scene.environment is not None:
@@ -86,7 +86,7 @@ def blamed(scene: Scene, seen: Sequence[int]) -> str:
     found["the background"] = _most(scene.background)
     largest = sorted(found, key=lambda what: -found[what])[:_SHOWN]
     numbers = ", ".join(f"{what} is up to {found[what]:.3g}" for what in largest if found[what])
-    names = ", ".join(repr(scene.meshes[place].name) for place in seen[:_SHOWN])
+    names = ", ".join(named[place] for place in seen[:_SHOWN])
     more = ", ..." if len(seen) > _SHOWN else ""
     there = f"mesh {names}{more} is seen there; " if seen else ""
     return f"{there}{numbers or 'every colour is 0'}"
