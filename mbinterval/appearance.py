@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.device import records
+from mbinterval.scene.checks import LARGEST
 from mbinterval.scene.model import Light, Material, Texture
 from mbinterval.settings import Settings
 
@@ -21,6 +22,8 @@ DEFAULT_MATERIAL = Material()
 Float32 = NDArray[np.float32]
 _LEAST_FADE = 1e-3
 """Least difference of the cosines of a cone's angles, as KHR_lights_punctual has it."""
+_LEAST_SQUARED = 1e-100
+"""Below it squares of numbers are lost."""
 LEAST_ROUGHNESS = 0.03
 """Below it a material shines as with it (``cl/shared/shading.h``)."""
 
@@ -182,7 +185,8 @@ def _turn(material: Material) -> float:
     between normal and half-way vector is sqrt(sqrt(2) - 1) times alpha.
     """
     if material.shading == "phong":
-        return 0.5 * float(np.log(2.0)) / material.shininess if any(material.specular) else np.inf
+        turn = 0.5 * float(np.log(2.0)) / material.shininess if any(material.specular) else np.inf
+        return turn if turn < LARGEST else np.inf
     roughness = material.roughness
     if material.metallic_roughness_texture is not None:
         roughness *= float(material.metallic_roughness_texture.image[..., 1].min())
@@ -223,4 +227,6 @@ def _light_table(
 def _back_along(light: Light) -> NDArray[np.float64]:
     """Return the unit vector against the way that light travels."""
     direction = np.asarray(light.direction, np.float64)
+    if np.abs(direction).max() < _LEAST_SQUARED:
+        direction = direction / np.abs(direction).max()
     return np.asarray(-direction / np.linalg.norm(direction))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.arrays import read_arrays
 from mbinterval.checks import nearest
 from mbinterval.errors import SceneError, UsageError
 from mbinterval.film import Film
@@ -86,8 +87,7 @@ def _reference(path: Path, case: Case) -> NDArray[np.float32]:
         rgb = Film.read(path).rgba[..., :3]
     else:
         try:
-            with np.load(path, allow_pickle=False) as stored:
-                rgb = np.asarray(stored["rgb"], np.float32)
+            rgb = np.asarray(read_arrays(path, ["rgb"])["rgb"], np.float32)
         except (OSError, ValueError, KeyError) as error:
             raise SceneError(
                 f"reference {path}: cannot be read ({error}); expected an EXR, or an npz with an "

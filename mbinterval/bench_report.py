@@ -109,7 +109,7 @@ def read_result(path: str | Path) -> dict[str, Any]:
         result = json.loads(Path(path).read_text(encoding="utf-8"))
         if result["format"] != FORMAT or not all(scene["rows"] for scene in result["scenes"]):
             raise ValueError("of another format")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise UsageError(
             f"baseline {path}: not a result of mbinterval bench --json ({error!r:.80})"
         ) from None

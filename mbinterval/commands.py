@@ -286,7 +286,7 @@ def devices(_arguments: argparse.Namespace) -> None:
 def make_job(arguments: argparse.Namespace) -> Job:
     """Join command line and scene file; the command line wins."""
     from mbinterval.batch import Job, opened, plan_tasks
-    from mbinterval.provenance import file_digests
+    from mbinterval.provenance import named_digests
     from mbinterval.scene.load import load_file
 
     given = vars(arguments)
@@ -311,7 +311,7 @@ def make_job(arguments: argparse.Namespace) -> Job:
         device=arguments.device,
         memory=given.get("memory"),
         cameras=cameras,
-        files=file_digests(loaded.files),
+        files=named_digests(loaded.files),
         animation=(arguments.clip, arguments.fps),
         shutter=arguments.shutter,
     )

@@ -80,7 +80,7 @@ def farm(
     SceneError
         Where a worker has no such files, or others.
     """
-    from mbinterval.provenance import file_digests
+    from mbinterval.provenance import named_digests
     from mbinterval.scene.load import load_file
 
     loaded = load_file(source)
@@ -94,7 +94,7 @@ def farm(
         outputs=(),
         device=device,
         cameras=() if camera is None else (loaded.scene.camera_index(str(camera)),),
-        files=file_digests(loaded.files),
+        files=named_digests(loaded.files),
     )
     engine = on_dask(dask, parts)
     for outcome in engine(job, plan_tasks(job), lambda _number, _label: None):

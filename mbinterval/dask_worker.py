@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 import time
 from collections.abc import Mapping
@@ -76,34 +77,53 @@ _lock = threading.Lock()
 def _scene_of(order: Order, worker: str) -> Scene:
     """Scene of an order, read once by a worker and kept until another one is asked for."""
     from mbinterval.provenance import program_digest
-    from mbinterval.scene.load import load_file
 
     if program_digest() != order.program:
         raise UsageError(
             f"the worker has another mbinterval (here {mbinterval.__version__}); install the same "
             "one everywhere"
         )
-    files = tuple(sorted(order.files.items()))
-    key = order.source, files, order.animation, order.shutter
+    key = order.source, tuple(sorted(order.files.items())), order.animation, order.shutter
     with _lock:
         if key not in _scenes:
-            _check_files(Path(order.source), order.files)
-            clip, fps = order.animation
-            scene = load_file(order.source, clip=clip, fps=fps).scene
+            scene = _read(Path(order.source), order.files, order.animation)
             _scenes.clear()
             _scenes[key] = opened(scene, order.shutter)
         return _scenes[key]
 
 
-def _check_files(source: Path, files: Mapping[str, str]) -> None:
-    """Refuse files that are not those of the process that asked."""
-    from mbinterval.provenance import file_digests
+def _read(
+    source: Path, files: Mapping[str, str], animation: tuple[str | int | None, float | None]
+) -> Scene:
+    """Read a scene of the ``files`` of the process that asked, and of nothing else."""
+    from mbinterval.provenance import named_digests
+    from mbinterval.scene.load import load_file
 
-    for name, digest in files.items():
-        path = source.parent / name
-        if not path.is_file():
+    _compare(source.parent, files, {name: _digest(source.parent / name) for name in files})
+    clip, fps = animation
+    loaded = load_file(source, clip=clip, fps=fps)
+    _compare(source.parent, files, named_digests(loaded.files))
+    return loaded.scene
+
+
+def _digest(path: Path) -> str:
+    if not path.is_file():
+        raise SceneError(
+            f"{path}: is not there; a scene's files must be at the same path on every worker"
+        )
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _compare(folder: Path, wanted: Mapping[str, str], found: Mapping[str, str]) -> None:
+    """Refuse digests that are not those that are ``wanted``."""
+    for name in (*wanted, *found):
+        if name not in wanted:
+            raise SceneError(f"{folder / name}: is here, and not where the job was started")
+        if found.get(name) != wanted[name]:
             raise SceneError(
-                f"{path}: is not there; a scene's files must be at the same path on every worker"
+                f"{folder / name}: is another file than where the job was started; copy it"
             )
-        if file_digests([path])[path.name] != digest:
-            raise SceneError(f"{path}: is another file than where the job was started; copy it")

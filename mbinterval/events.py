@@ -17,7 +17,6 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +27,8 @@ from numpy.typing import NDArray
 
 from mbinterval.atomic import write_file
 from mbinterval.checks import number
-from mbinterval.errors import CapacityError, OutputError, UsageError
+from mbinterval.errors import CapacityError, UsageError
+from mbinterval.event_files import TEXTS, read_events
 from mbinterval.exr import PIXEL_DIGEST, AttributeValue, pixel_digest
 
 COLUMNS: Mapping[str, str] = {
@@ -39,11 +39,6 @@ COLUMNS: Mapping[str, str] = {
 """What is known of each event, by name, and its type; see `Events`."""
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the day of every file in an archive: equal events, equal bytes
-_BROKEN = (
-    *(OSError, ValueError, KeyError, TypeError, IndexError, EOFError, NotImplementedError),
-    *(zipfile.BadZipFile, zlib.error),
-)
-"""What readers raise where a file is broken."""
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
@@ -210,49 +205,17 @@ class Events:
         OutputError
             Where the file is missing, broken, cut off or of another kind.
         """
-        path = Path(path)
-        if not path.is_file():
-            raise OutputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
-        read = _read_parquet if path.suffix.lower() == ".parquet" else _read_npz
-        try:
-            return read(path)
-        except _BROKEN as error:
-            raise OutputError(f"{path}: not a whole file of events ({error})") from error
+        return read_events(Path(path), COLUMNS)
 
     def digest(self) -> str:
         """SHA-256 of all events."""
         return pixel_digest({"offsets": self.offsets, **self.columns})
 
     def _texts(self) -> dict[str, str]:
-        values = {
-            "shape": self.shape,
-            "resolution": self.resolution,
-            "origin": self.origin,
-            "metadata": {**self.metadata, PIXEL_DIGEST: self.digest()},
-        }
-        return {name: json.dumps(value, ensure_ascii=False) for name, value in values.items()}
-
-
-def _from_texts(
-    texts: Mapping[str, str], offsets: NDArray[np.int64], columns: Mapping[str, NDArray[Any]]
-) -> Events:
-    values = {name: json.loads(texts[name]) for name in ("shape", "resolution", "origin")}
-    metadata = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in json.loads(texts["metadata"]).items()
-    }
-    rows, width, samples = values["shape"]
-    sizes = {len(column) for column in columns.values()}
-    if len(offsets) != rows * width * samples + 1 or sizes != {offsets[-1]}:
-        raise ValueError("its parts do not fit together")
-    return Events(
-        shape=(rows, width, samples),
-        offsets=offsets,
-        columns={name: np.ascontiguousarray(columns[name], kind) for name, kind in COLUMNS.items()},
-        resolution=tuple(values["resolution"]),
-        origin=tuple(values["origin"]),
-        metadata=metadata,
-    )
+        metadata = {**self.metadata, PIXEL_DIGEST: self.digest()}
+        values = (self.shape, self.resolution, self.origin, metadata)
+        texts = [json.dumps(value, ensure_ascii=False) for value in values]
+        return dict(zip(TEXTS, texts, strict=True))
 
 
 def _write_npz(path: Path, events: Events) -> None:
@@ -266,13 +229,6 @@ def _write_npz(path: Path, events: Events) -> None:
             np.lib.format.write_array(content, array, allow_pickle=False)
             archive.writestr(info, content.getbuffer(), zipfile.ZIP_DEFLATED, 1)
     write_file(path, written.getbuffer())
-
-
-def _read_npz(path: Path) -> Events:
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        columns = {name: archive[name] for name in COLUMNS}
-        texts = {name: str(archive[name]) for name in ("shape", "resolution", "origin", "metadata")}
-        return _from_texts(texts, archive["offsets"], columns)
 
 
 def check_parquet() -> None:
@@ -298,24 +254,6 @@ def _write_parquet(path: Path, events: Events) -> None:
     written = pyarrow.BufferOutputStream()
     pyarrow.parquet.write_table(table, written, compression="zstd")
     write_file(path, memoryview(written.getvalue()))
-
-
-def _read_parquet(path: Path) -> Events:
-    check_parquet()
-    import pyarrow.parquet
-
-    with path.open("rb") as file:
-        table = pyarrow.parquet.read_table(file)
-    stored = table.schema.metadata or {}
-    texts = {name.decode(): text.decode() for name, text in stored.items()}
-    columns = {name: table[name].to_numpy() for name in (*COLUMNS, "x", "y", "sample")}
-    rows, width, samples = json.loads(texts["shape"])
-    place = (columns.pop("y").astype(np.int64) * width + columns.pop("x")) * samples
-    place += columns.pop("sample")
-    if len(place) and not 0 <= place.min() <= place.max() < rows * width * samples:
-        raise ValueError("a pixel lies outside of the film")
-    counts = np.bincount(place, minlength=rows * width * samples)
-    return _from_texts(texts, np.append(0, np.cumsum(counts)), columns)
 
 
 class EventTable:

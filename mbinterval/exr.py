@@ -14,7 +14,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from mbinterval.atomic import write_file
 from mbinterval.checks import shown
 from mbinterval.errors import OutputError
+from mbinterval.exr_header import least_bytes
 
 AttributeValue = str | int | float | tuple[float, ...]
 
@@ -144,15 +145,15 @@ def _write(path: str | Path, header: dict[str, Any], channels: dict[str, NDArray
     write_file(path, written.getbuffer())
 
 
-def read_exr(path: str | Path) -> ExrImage:
-    """Read the first part of an EXR file that is not deep.
+def read_exr(path: str | Path, data: bytes | None = None) -> ExrImage:
+    """Read the first part of an EXR file that is not deep; from ``data`` if that was read before.
 
     Raises
     ------
     OutputError
         Where the file is missing, not an EXR, or not whole.
     """
-    part = _read(path)
+    part = _read(path, data)
     pixels = {name: channel.pixels for name, channel in part.channels.items()}
     if not all(isinstance(values, np.ndarray) and values.ndim == 2 for values in pixels.values()):
         raise OutputError(f"{path}: subsampled pixels cannot be read")
@@ -194,26 +195,48 @@ def read_deep(
     return counts.reshape(shape), channels, _image(part, {})
 
 
-def _read(path: str | Path) -> Any:
+def _read(path: str | Path, data: bytes | None = None) -> Any:
     """Return the first part of an EXR file; one that is cut off may have no channels."""
-    import OpenEXR
-
     if not isinstance(path, str | Path):
         raise OutputError(f"{shown(path)}: expected the path of a file")
     path = Path(path)
     if not path.is_file():
         raise OutputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
     try:
-        with path.open("rb") as file:
-            start = file.read(len(_MAGIC))
+        with path.open("rb") if data is None else _in_memory(data) as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise OutputError(f"{path}: not an EXR file, the only kind that can be read back")
+            plain = data is None and os.fspath(path).isprintable()  # OpenEXR's names are UTF-8
+            name = os.fspath(path) if plain else f"/proc/self/fd/{file.fileno()}"
+            return _first_part(path, name, os.fstat(file.fileno()).st_size)
     except OSError as error:
         raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    if start != _MAGIC:
-        raise OutputError(f"{path}: not an EXR file, the only kind that can be read back")
+
+
+def _in_memory(data: bytes) -> BinaryIO:
+    """Return a file in memory, since not every OpenEXR reads from anything else than files."""
+    file = os.fdopen(os.memfd_create("exr"), "wb+")
+    file.write(data)
+    file.seek(0)
+    return file
+
+
+def _first_part(path: Path, name: str, size: int) -> Any:
+    """Read a file of ``size`` bytes by its ``name``, which is ``path`` in messages."""
+    import OpenEXR
+
     try:
-        parts = OpenEXR.File(os.fspath(path), separate_channels=True).parts
-    except (RuntimeError, TypeError, ValueError) as error:
-        raise OutputError(f"{path}: cannot be read as EXR ({error})") from error
+        if least_bytes(OpenEXR.File(name, header_only=True).parts) > size:
+            raise OutputError(
+                f"{path}: its header claims more pixels than the file holds; it is broken or cut "
+                "off: render it again"
+            )
+        parts = OpenEXR.File(name, separate_channels=True).parts
+    except (RuntimeError, TypeError, ValueError, KeyError) as error:
+        reason = str(error).replace(name, os.fspath(path))
+        raise OutputError(f"{path}: cannot be read as EXR ({reason})") from error
+    except MemoryError:
+        raise OutputError(f"{path}: does not fit into memory") from None
     if not parts:
         raise OutputError(f"{path}: the file is cut off or broken; render it again")
     return parts[0]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mbinterval.atomic import write_file
 from mbinterval.checks import shown
+from mbinterval.contents import read_file
 from mbinterval.errors import OutputError, SceneError
 from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_exr
 from mbinterval.radiance import decode_radiance
@@ -62,12 +63,17 @@ def read_image(path: str | Path) -> Float32:
     path = Path(path)
     if not path.is_file():
         raise SceneError(f"image {path}: no such file")
-    if path.suffix.lower() == ".exr":
-        return _read_exr_image(path)
     try:
-        data = path.read_bytes()
+        return _decoded(path, read_file(path))
     except OSError as error:
         raise SceneError(f"image {path}: {error.strerror or error}") from error
+    except MemoryError:
+        raise SceneError(f"image {path}: does not fit into memory; make it smaller") from None
+
+
+def _decoded(path: Path, data: bytes) -> Float32:
+    if path.suffix.lower() == ".exr":
+        return _read_exr_image(path, data)
     if data.startswith(b"#?"):
         return decode_radiance(data, str(path))
     return decode_image(data, str(path))
@@ -85,14 +91,28 @@ def decode_image(data: bytes, what: str) -> Float32:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with Image.open(io.BytesIO(data)) as image:
+                _check_size(image, len(data))
                 image.load()
                 return linear_pixels(image)
     except UnidentifiedImageError as error:  # its text has an address and no more
         raise SceneError(
             f"image {what}: not a kind of image that is known, or broken; save it as PNG or EXR"
         ) from error
+    except MemoryError:
+        raise SceneError(f"image {what}: does not fit into memory; make it smaller") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise SceneError(f"image {what}: cannot be read ({error}); save it again") from error
+
+
+_MOST_PIXELS = {"PNG": 8 * 1032, "GIF": 8 * 1032, "JPEG": 8 * 1032, "PPM": 8}
+"""Pixels of a byte, by the kind of file: of those that pack bits by deflate, LZW or less."""
+
+
+def _check_size(image: Image.Image, size: int) -> None:
+    """Refuse a header that claims more pixels than the ``size`` bytes of the file can hold."""
+    width, height = image.size
+    if width * height > _MOST_PIXELS.get(str(image.format), width * height) * size:
+        raise ValueError(f"its header claims {width} x {height} pixels, more than the file holds")
 
 
 def linear_pixels(image: Image.Image) -> Float32:
@@ -107,9 +127,9 @@ def linear_pixels(image: Image.Image) -> Float32:
     return linear
 
 
-def _read_exr_image(path: Path) -> Float32:
+def _read_exr_image(path: Path, data: bytes) -> Float32:
     try:
-        channels = read_exr(path).channels
+        channels = read_exr(path, data).channels
     except OutputError as error:
         raise SceneError(f"image {error}") from error
     names = "RGB" if {"R", "G", "B"} <= set(channels) else "YYY"
@@ -118,12 +138,17 @@ def _read_exr_image(path: Path) -> Float32:
             f"image {path}: no R, G, B or Y channel among {', '.join(sorted(channels))}"
         )
     pixels = np.stack([channels[name] for name in names], axis=2).astype(np.float32)
+    if "A" in channels:
+        alpha = channels["A"].astype(np.float32)[..., None]
+        with np.errstate(over="ignore", invalid="ignore"):
+            pixels = np.concatenate([unpremultiplied(pixels, alpha), alpha], axis=2)
     if not np.isfinite(pixels).all():
-        raise SceneError(f"image {path}: has pixels that are not finite")
-    if "A" not in channels:
-        return pixels
-    alpha = channels["A"].astype(np.float32)[..., None]
-    return np.concatenate([unpremultiplied(pixels, alpha), alpha], axis=2)
+        row, column, channel = np.argwhere(~np.isfinite(pixels))[0]
+        raise SceneError(
+            f"image {path}: {'RGBA'[channel]} is {pixels[row, column, channel]} in row {row}, "
+            f"column {column}; every value must be finite: mend it where it was made"
+        )
+    return pixels
 
 
 def unpremultiplied(colour: Float32, alpha: Float32) -> Float32:
@@ -179,14 +204,18 @@ def read_png(path: Path) -> tuple[NDArray[np.uint8], dict[str, str]]:
     OutputError
         Where the file is missing, no PNG, cut off, or a checksum is wrong.
     """
-    from PIL import Image
+    from PIL.PngImagePlugin import PngImageFile
 
     try:
-        with Image.open(path, formats=["PNG"]) as image:
+        data = path.read_bytes()
+        with PngImageFile(io.BytesIO(data)) as image:
+            _check_size(image, len(data))
             image.verify()  # the checksums of all chunks
-        with Image.open(path, formats=["PNG"]) as image:
+        with PngImageFile(io.BytesIO(data)) as image:
             image.load()
             text = {str(key): str(value) for key, value in image.info.items()}
             return np.asarray(image), text
-    except (OSError, ValueError, SyntaxError, Warning, Image.DecompressionBombError) as error:
+    except MemoryError:
+        raise OutputError(f"{path}: does not fit into memory") from None
+    except (OSError, ValueError, SyntaxError, Warning) as error:
         raise OutputError(f"{path}: not a whole PNG ({error})") from error

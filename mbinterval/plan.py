@@ -5,6 +5,7 @@ An effect that is not called for leaves no code, no buffer and no stage.
 
 from __future__ import annotations
 
+import math
 import operator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -196,7 +197,8 @@ def sampling_sizes(
         sizes["FILTER_ZERO"], sizes["FILTER_MASS"] = _float(shape.zero), _float(shape.mass**2)
     if "LENS" in active and camera.blades:
         sizes["BLADES"] = camera.blades
-        sizes["BLADE_ROTATION"] = _float(float(np.radians(camera.blade_rotation)))
+        turn = math.fmod(camera.blade_rotation, 360.0)
+        sizes["BLADE_ROTATION"] = _float(float(np.float32(np.radians(turn))))
     if exposure.shutter.curve != "box" and "MOVING" in active:
         sizes["SHUTTER_CURVE"] = len(shutter_keys(exposure.shutter))
     return sizes

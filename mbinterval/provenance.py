@@ -20,7 +20,7 @@ import mbinterval
 from mbinterval.atomic import output_place
 from mbinterval.deep import CHANNELS
 from mbinterval.device.sources import kernel_root
-from mbinterval.errors import OutputError, SceneError
+from mbinterval.errors import OutputError
 from mbinterval.events import Events
 from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_deep, read_exr
 from mbinterval.frames import export_of
@@ -33,17 +33,10 @@ IDENTITY = "identity"
 """Name of the attribute that holds a frame's identity."""
 
 
-def file_digests(files: Sequence[Path]) -> dict[str, str]:
-    """SHA-256 of each file's contents, by its path relative to the folder of the first."""
-    found = {}
-    for path in files:
-        try:
-            with path.open("rb") as file:
-                digest = hashlib.file_digest(file, "sha256").hexdigest()
-        except OSError as error:
-            raise SceneError(f"{path}: cannot be read ({error.strerror or error})") from error
-        found[os.path.relpath(path, files[0].parent)] = digest
-    return found
+def named_digests(files: Mapping[Path, str]) -> dict[str, str]:
+    """Digests of ``files`` by their paths relative to the folder of the first."""
+    folder = next(iter(files), Path()).parent
+    return {os.path.relpath(path, folder): digest for path, digest in dict(files).items()}
 
 
 @cache

@@ -16,6 +16,8 @@ from mbinterval.errors import SceneError
 _SIZE = re.compile(rb"-Y (\d{1,6}) \+X (\d{1,6})\n")
 _RUNS = range(8, 32768)
 """Widths of rows that may be written in runs."""
+_LONGEST = 127
+"""Bytes of a run."""
 
 
 def decode_radiance(data: bytes, what: str) -> NDArray[np.float32]:
@@ -53,7 +55,7 @@ def _pixels(body: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint
     if not runs:
         flat = body[: 4 * height * width]
         return flat.reshape(height, width, 4) if len(flat) == 4 * height * width else None
-    if len(body) < 4 * height:  # a row has four bytes and more
+    if len(body) < height * (4 + 8 * -(-width // _LONGEST)):  # a run has two bytes
         return None
     pixels = np.empty((height, width, 4), np.uint8)
     at, data = 0, body.tobytes()

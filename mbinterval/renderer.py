@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mbinterval.checks import number, shown, whole_number
-from mbinterval.errors import UsageError
+from mbinterval.errors import MbintervalError, SceneError, UsageError
 from mbinterval.film import Film
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
 
 if TYPE_CHECKING:
     from mbinterval.device.runtime import Runtime
+    from mbinterval.finite import Wrong
     from mbinterval.motion import Motion
     from mbinterval.plan import Plan
     from mbinterval.scene.exposure import Exposure
     from mbinterval.work import Pixels
+
+
+_REACH = 2
+"""Pixels around one from which a filter may have its light."""
 
 
 def render(
@@ -60,7 +66,57 @@ def render(
     Raises
     ------
     UsageError, SceneError, DeviceError, KernelBuildError, CapacityError
+        A ``SceneError`` also for a film that would have a NaN or an infinity: it names the pixel.
     """
+    from mbinterval.finite import first_wrong
+
+    settings = Settings() if settings is None else settings
+    _check_arguments(scene, settings, progress)
+    frame = number(frame, "frame")
+    width = whole_number(width, "width", 1, 65536)
+    height = whole_number(height, "height", 1, 65536)
+    memory = None if memory is None else whole_number(memory, "memory", 1)
+    film = _render(scene, frame, width, height, settings, device, crop, progress, memory)
+    wrong = first_wrong(film)
+    if wrong is not None:
+        raise _spoilt(wrong, scene, frame, width, height, device)
+    return film
+
+
+def _spoilt(
+    wrong: Wrong, scene: Scene, frame: float, width: int, height: int, device: Any
+) -> SceneError:
+    """Make the error for a film with a value that is no number."""
+    from mbinterval.finite import blamed
+    from mbinterval.scene.checks import LARGEST
+
+    what, column, row, value = wrong
+    left, top = max(column - _REACH, 0), max(row - _REACH, 0)
+    right, bottom = min(column + _REACH + 1, width), min(row + _REACH + 1, height)
+    around = left, top, right - left, bottom - top
+    seen: list[int] = []
+    with suppress(MbintervalError):
+        settings = Settings(samples=64, aovs=("events",))
+        found = _render(scene, frame, width, height, settings, device, around).events
+        seen = [] if found is None else sorted({int(place) - 1 for place in found["object"]})
+    return SceneError(
+        f"pixel ({column}, {row}): its {what} is {value}, since numbers there, or their products, "
+        f"are beyond what float32 holds, {LARGEST:.2g}: {blamed(scene, seen)}; lower them"
+    )
+
+
+def _render(
+    scene: Scene,
+    frame: float,
+    width: int,
+    height: int,
+    settings: Settings,
+    device: Any,
+    crop: Any,
+    progress: Callable[[float], None] | None = None,
+    memory: int | None = None,
+) -> Film:
+    """Render one frame, whatever comes of it."""
     from mbinterval import ids
     from mbinterval.analytic import render_analytic
     from mbinterval.device.runtime import runtime
@@ -72,13 +128,7 @@ def render(
     from mbinterval.scene.exposure import expose
     from mbinterval.stochastic import render_stochastic
 
-    settings = Settings() if settings is None else settings
-    _check_arguments(scene, settings, progress)
-    frame = number(frame, "frame")
-    width = whole_number(width, "width", 1, 65536)
-    height = whole_number(height, "height", 1, 65536)
     region = check_crop(crop, width, height)
-    memory = None if memory is None else whole_number(memory, "memory", 1)
     on = runtime(device)
     room = memory_left(memory, on)
     started = time.perf_counter()

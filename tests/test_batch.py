@@ -358,7 +358,7 @@ def test_the_log_has_a_line_for_the_job_and_for_each_frame(batch):
 
 
 def test_the_log_of_a_failure_has_its_exit_code(batch):
-    broken = SCENE.replace("[1, 0.5, 0]", "[1e200, 0.5, 0]")
+    broken = SCENE.replace("[1, 0.5, 0]", "[1e35, 0.5, 0]")
     (batch.folder / "s.toml").write_text(broken)
     code, _, said = batch("--frames", "1-9", "--log", "a.jsonl", *BOTH)
     assert code == 3

@@ -29,7 +29,7 @@ class FakeApi:
 
     def __init__(self):
         self.loaded = types.SimpleNamespace(
-            scene=Scene(meshes=()), settings={}, render=RenderDefaults(), files=()
+            scene=Scene(meshes=()), settings={}, render=RenderDefaults(), files={}
         )
         self.calls = []
         self.error = None

@@ -440,7 +440,7 @@ def test_a_scene_file_names_its_environment(tmp_path):
     assert made is not None
     assert made.image.shape == (4, 8, 3)
     assert (made.intensity, made.rotation, made.background) == (2.0, 30.0, False)
-    assert mb.load_file(table, tmp_path).files == (tmp_path / "sky.hdr",)
+    assert list(mb.load_file(table, tmp_path).files) == [tmp_path / "sky.hdr"]
 
 
 @pytest.mark.parametrize(

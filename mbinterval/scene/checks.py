@@ -6,6 +6,8 @@ what was given, and says what is expected.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,9 +20,20 @@ from mbinterval.errors import SceneError
 
 Vector = tuple[float, float, float]
 
-number = partial(checks.number, error=SceneError)
+LARGEST = float(np.finfo(np.float32).max)
+"""Largest number of a scene: kernels have colours, light and attributes in float32."""
+UPTO = f"up to {LARGEST:.2g}, the largest that float32 holds"
+
 whole_number = partial(checks.whole_number, error=SceneError)
 refuse = partial(checks.refuse, error=SceneError)
+
+
+def number(value: Any, what: str, *limits: float, **more: float) -> float:
+    """Return a number within limits, as `mbinterval.checks.number`, and within float32's."""
+    found = checks.number(value, what, *limits, **more, error=SceneError)
+    if abs(found) > LARGEST:
+        raise refuse(value, what, f"a number {UPTO}")
+    return found
 
 
 def choice(value: Any, choices: tuple[str, ...], what: str) -> str:
@@ -86,7 +99,7 @@ def image(value: Any, what: str) -> NDArray[Any]:
     pixels = numbers(value, np.float32, what)
     if pixels.ndim != 3 or pixels.shape[2] not in (3, 4) or 0 in pixels.shape:
         raise SceneError(f"{what} has shape {pixels.shape}, expected (h, w, 3) or (h, w, 4)")
-    check_finite(pixels, what, "pixel")
+    check_finite(pixels, what, "pixel", value)
     return pixels
 
 
@@ -94,6 +107,14 @@ def vector(value: Any, what: str) -> Vector:
     """Return three finite numbers."""
     x, y, z = row(value, 3, what, "three finite numbers")
     return x, y, z
+
+
+def product(factors: Mapping[str, Any], what: str) -> None:
+    """Refuse factors, by their names, whose product float32 can't hold."""
+    most = {name: float(np.abs(value).max(initial=0.0)) for name, value in factors.items()}
+    if math.prod(most.values()) > LARGEST:
+        given = " and ".join(f"{name}, up to {value:g}," for name, value in most.items())
+        raise SceneError(f"{what}: {given} have a product beyond what float32 holds; lower them")
 
 
 def row(value: Any, count: int, what: str, expected: str) -> tuple[float, ...]:
@@ -104,20 +125,26 @@ def row(value: Any, count: int, what: str, expected: str) -> tuple[float, ...]:
         array = np.zeros(0)
     if array.shape != (count,) or not np.isfinite(array).all():
         raise refuse(value, what, expected)
+    if np.abs(array).max() > LARGEST:
+        raise refuse(value, what, f"{expected}, {UPTO}")
     return tuple(array.tolist())
 
 
-def check_finite(array: NDArray[Any], what: str, unit: str) -> None:
-    """Refuse NaN and infinity; the message names the first place."""
-    if np.isfinite(array).all():
+def check_finite(array: NDArray[Any], what: str, unit: str, given: Any = None) -> None:
+    """Refuse NaN, infinity and what float32 can't hold; the message names the first place.
+
+    ``given`` is what ``array`` was made of, with the values that are shown.
+    """
+    if not array.size or (array.max() <= LARGEST and array.min() >= -LARGEST):  # false for NaN
         return
-    place = np.argwhere(~np.isfinite(array))[0]
-    value = array[tuple(place)]
+    place = np.argwhere(~(np.abs(array) <= LARGEST))[0]
+    value = (array if given is None else np.asarray(given))[tuple(place)]
     if unit == "pixel":
         at = f"pixel (row {place[0]}, column {place[1]})"
     else:
         at = f"{unit} {place[-2]}" + (f" at time {place[0]}" if array.ndim == 3 else "")
-    raise SceneError(f"{what}: {value} at {at}; every value must be finite")
+    wanted = f"be {UPTO}" if np.isfinite(value) else "be finite"
+    raise SceneError(f"{what}: {value} at {at}; every value must {wanted}")
 
 
 def items(value: Any, kind: type, what: str) -> tuple[Any, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene.frozen import Frozen
 from mbinterval.scene.tracks import Transform, matrices_at
 
 Float64 = NDArray[np.float64]
@@ -65,7 +66,7 @@ class Joints(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class NodeJoints:
+class NodeJoints(Frozen):
     """Nodes of a hierarchy as joints: world matrix times inverse bind matrix, ``(J, 4, 4)``."""
 
     nodes: Sequence[Transform]
@@ -82,7 +83,7 @@ class NodeJoints:
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class Skin(Frozen):
     """Linear blend skinning: each vertex moves by the weighted mean of its joints' matrices.
 
     Attributes
@@ -119,7 +120,7 @@ class Skin:
 
 
 @dataclass(frozen=True, eq=False)
-class Morph:
+class Morph(Frozen):
     """Morph targets: weighted differences are added to the mesh at rest.
 
     Attributes
@@ -155,7 +156,7 @@ class Morph:
 
 
 @dataclass(frozen=True, eq=False)
-class MorphedSkin:
+class MorphedSkin(Frozen):
     """A mesh at rest, ``(N, 3)``, its morph targets, and then its skin; either may be missing."""
 
     rest: Float64

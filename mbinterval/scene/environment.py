@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mbinterval.errors import SceneError
 from mbinterval.scene import checks
 from mbinterval.scene.checks import freeze
+from mbinterval.scene.frozen import Frozen
 
 Float32 = NDArray[np.float32]
 
@@ -18,7 +19,7 @@ _BRIGHTEST = 1e30
 
 
 @dataclass(frozen=True, eq=False)
-class Environment:
+class Environment(Frozen):
     """A picture of all directions, infinitely far away, that lights surfaces and is seen.
 
     Surfaces that reflect light scatter what comes from all sides, weighed by the cosine to their
@@ -76,7 +77,7 @@ class Environment:
 
 
 @dataclass(frozen=True, eq=False)
-class Reflections:
+class Reflections(Frozen):
     """Asks for a picture of an object's surroundings that its surface mirrors, as they move.
 
     A cube map (Akenine-Möller et al. 2007, 3.5): all directions as they are seen from the middle of

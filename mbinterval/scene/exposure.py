@@ -7,7 +7,7 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,6 +101,11 @@ def expose(
         camera = framing_camera(scene)
         notes.append("no camera: one that frames the scene was made")
     window = Window(frame, *scene.shutter.window(scene.fps, lines))
+    if not window.open < window.close:
+        raise SceneError(
+            f"shutter: with fps={scene.fps:g} its lines take no time that numbers tell apart; "
+            "give a longer line_exposure or line_offset"
+        )
     view = View(camera, window, aspect, height)
     cameras = {0: view.poses(np.zeros(1)), 1: view.poses(np.arange(2.0))}
     meshes = {
@@ -127,7 +132,7 @@ def expose(
     if not exposed:
         notes.append("no visible mesh: only the background is seen")
     notes += _outside(scene, window) + _without_mirrors(meshes.values())
-    _check_scale(exposed, cameras[0].eye[0])
+    _check_scale(exposed, cameras, lights)
     return Exposure(
         frame=frame,
         meshes=exposed,
@@ -247,24 +252,42 @@ def _expose_stretch(
 
 SCALES = (1e-30, 1e30)
 """Distances that can be rendered: their products must keep clear of the ends of float64."""
+LIT_SCALES = (1e-15, 1e18)
+"""Those with lights at a place: shading has squares of distances in float32."""
 
 
-def _check_scale(meshes: tuple[MeshExposure, ...], eye: Float64) -> None:
-    """Refuse vertices that are too far away, and scenes all of which is too near the eye."""
-    low, high = SCALES
-    size = 0.0
+def _check_scale(
+    meshes: tuple[MeshExposure, ...], cameras: Mapping[int, CameraPoses], lights: Sequence[Light]
+) -> None:
+    """Refuse what is too far away, at any time, and scenes all of which is too near the eye."""
+    placed = [light for light in lights if light.kind in ("point", "spot")]
+    low, high = LIT_SCALES if placed else SCALES
+    lit = ", where a light has a place" if placed else ""
+    size, eye = 0.0, cameras[0].eye[0]
+    moving = np.concatenate([poses.eye for poses in cameras.values()])
     for mesh in meshes:
-        away = np.abs(mesh.positions - eye).max(axis=(0, 2), initial=0.0)
-        size = max(size, float(away.max(initial=0.0)))
-        if size > high:
+        first, last = mesh.positions.min(axis=(0, 1)), mesh.positions.max(axis=(0, 1))
+        eyes = np.concatenate([moving, mesh.poses.eye])
+        away = max((last - eyes).max(), (eyes - first).max())
+        size = max(size, (last - eye).max(), (eye - first).max())
+        if away > high:
+            farthest = eyes[np.argmax(np.maximum(last - eyes, eyes - first).max(axis=1))]
+            far = np.abs(mesh.positions - farthest).max(axis=(0, 2))
             raise SceneError(
-                f"mesh {mesh.mesh.name!r}: vertex {int(np.argmax(away))} is {away.max():.3g} from "
-                f"the camera; at most {high:g} can be rendered: use larger units"
+                f"mesh {mesh.mesh.name!r}: vertex {int(np.argmax(far))} is {away:.3g} from the "
+                f"camera; at most {high:g} can be rendered{lit}: use larger units"
+            )
+    for number, light in enumerate(lights):
+        away = np.abs(np.asarray(light.position) - moving).max()
+        if light in placed and away > high:
+            raise SceneError(
+                f"light {number}: its position is {away:.3g} from the camera; at most {high:g} can "
+                "be rendered: use larger units"
             )
     if 0.0 < size < low:
         raise SceneError(
             f"every vertex is within {size:.3g} of the camera; {low:g} is the least that can be "
-            "rendered: use smaller units"
+            f"rendered{lit}: use smaller units"
         )
 
 

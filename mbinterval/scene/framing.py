@@ -9,8 +9,8 @@ from mbinterval.errors import SceneError
 from mbinterval.scene.model import Camera, Light, Scene
 
 _LOOKS = 9
-_FARTHEST = 1e30  # as `exposure.SCALES` has it
 """Times of the animation at which the framing camera looks."""
+_FARTHEST = 1e30  # as `exposure.SCALES` has it
 
 
 def framing_camera(scene: Scene) -> Camera:
@@ -33,14 +33,15 @@ def framing_camera(scene: Scene) -> Camera:
                 matrix = np.eye(4) if mesh.transform is None else mesh.transform.at(float(frame))
                 with np.errstate(over="ignore", invalid="ignore"):
                     corners.append(points @ matrix[:3, :3].T + matrix[:3, 3])
+                if not (np.abs(corners[-1]) <= _FARTHEST).all():
+                    raise SceneError(
+                        f"scene: no camera, and the bounds of mesh {mesh.name!r} reach beyond "
+                        f"{_FARTHEST:g} at frame {frame:g}, or are not finite; give a camera, or "
+                        "use larger units"
+                    )
     if not corners:
         return Camera(position=(0.0, 0.0, 1.0), look_at=(0.0, 0.0, 0.0))
     points = np.concatenate(corners)
-    if not (np.abs(points) <= _FARTHEST).all():
-        raise SceneError(
-            f"scene: no camera, and its bounds reach beyond {_FARTHEST:g}, or are not finite; give "
-            "a camera, or use larger units"
-        )
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     radius = max(float(np.linalg.norm(points - centre, axis=1).max()), 1e-6)
     fov = 40.0

@@ -24,6 +24,7 @@ _SIDES = np.array(
 )
 _QUAD = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 _FACES = _SIDES[:, _QUAD].reshape(-1, 3).astype(np.int32)
+_MOST = 10_000_000
 _RINGS = 12  # blades one behind the other along a spoke
 _LOW, _HIGH = np.array([-9.0, -6.5, -14.0]), np.array([9.0, 6.5, 4.0])
 
@@ -178,8 +179,8 @@ def _scene(
 
 
 def _check_count(name: str, count: int) -> None:
-    if count < 1:
-        raise SceneError(f"{name}: count={count!r}, expected a number from 1 up")
+    if not 1 <= count <= _MOST:
+        raise SceneError(f"{name}: count={count!r}, expected a number from 1 to {_MOST}")
 
 
 def _rotations(random: np.random.Generator, count: int, largest: float) -> Float64:

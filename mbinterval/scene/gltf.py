@@ -91,7 +91,6 @@ class _SceneReader:
             tuple(lights),
             tuple(self.notes),
             self.clip.span,
-            files=tuple(self.data.files),
         )
 
     def _note(self, text: str) -> None:

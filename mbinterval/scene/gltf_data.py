@@ -13,11 +13,12 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.contents import read_file
 from mbinterval.errors import SceneError
 from mbinterval.scene.gltf_check import COMPONENTS, SHAPES, check_document
 
-_MOST_ZEROS = 2**26
-"""Elements of an accessor without data: more are a mistake, not a mesh."""
+_FEW_ZEROS = 2**10
+"""Elements of an accessor without data, where none has data that say how many there may be."""
 
 
 class GltfData:
@@ -29,8 +30,6 @@ class GltfData:
         The JSON part as pygltflib's records.
     path
         The file; what it names is relative to its folder.
-    files
-        What was read so far: the file, and what it names.
     node_weights
         Morph weights of those nodes that give their own, by the node's index; pygltflib drops
         them.
@@ -40,8 +39,7 @@ class GltfData:
         from pygltflib import GLTF2
 
         self.path = path
-        self.files = [path]
-        data = path.read_bytes()
+        data = read_file(path)
         binary = data[:4] == b"glTF"
         if binary and data[16:20] != b"JSON":
             raise SceneError("its first chunk is not JSON; the file is damaged or not glTF 2.0")
@@ -73,8 +71,14 @@ class GltfData:
         columns, rows = SHAPES[accessor.type]
         kind = np.dtype(COMPONENTS[accessor.componentType])
         if accessor.bufferView is None:
-            if accessor.count > _MOST_ZEROS:
-                raise SceneError(f"accessors[{index}] has {accessor.count} elements and no data")
+            given = [
+                other.count for other in self.document.accessors if other.bufferView is not None
+            ]
+            if accessor.count > max(given, default=_FEW_ZEROS):
+                raise SceneError(
+                    f"accessors[{index}] has {accessor.count} elements and no data, more than any "
+                    "that has; the file is damaged"
+                )
             values = np.zeros((accessor.count, columns, rows), kind)
         else:
             values = self._strided(index, kind, columns, rows)
@@ -158,10 +162,7 @@ class GltfData:
                 raise SceneError(f"a data URI is damaged ({error})") from None
         if "://" in uri:
             raise SceneError(f"{uri} is not a local file; download it beside the model")
-        path = self.path.parent / unquote(uri)
-        data = path.read_bytes()
-        self.files.append(path)
-        return data
+        return read_file(self.path.parent / unquote(uri))
 
 
 def _parsed(text: bytes) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene.checks import check_finite
 from mbinterval.scene.deform import Morph, NodeJoints, Skin
 from mbinterval.scene.gltf_data import GltfData, item_at
 from mbinterval.scene.model import Mesh
@@ -74,6 +75,7 @@ def read_skin(
         if not np.isfinite(inverse).all():
             raise SceneError(f"skin {name!r}: its inverse bind matrices are not finite")
     indices, weights = _influences(data, primitive, count, name)
+    check_finite(weights, f"skin {name!r}: weights", "vertex")
     wrong = np.argwhere((indices < 0) | (indices >= len(source.joints)))
     if len(wrong):
         vertex, column = wrong[0]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.images import decode_image, undecoded
+from mbinterval.scene.checks import number
 from mbinterval.scene.gltf_data import GltfData, item_at
 from mbinterval.scene.model import Material, Texture
 
@@ -68,8 +69,8 @@ class MaterialReader:
             name=name,
             base_color=factor[:3],
             shading="unlit" if unlit else "metallic_roughness",
-            metallic=_factor(pbr, "metallicFactor"),
-            roughness=_factor(pbr, "roughnessFactor"),
+            metallic=_factor(pbr, "metallicFactor", name),
+            roughness=_factor(pbr, "roughnessFactor", name),
             emission=tuple(source.emissiveFactor or (0.0, 0.0, 0.0)),
             double_sided=bool(source.doubleSided),
             **_alpha(source, factor[3]),
@@ -111,10 +112,11 @@ class MaterialReader:
         self._notes.append(f"{self._data.path.name}: {text}")
 
 
-def _factor(pbr: Any, name: str) -> float:
-    """Factor of a material, from 0 to 1; 1 where it is not given."""
+def _factor(pbr: Any, name: str, material: str) -> float:
+    """Factor of a material, cut to 0 to 1; 1 where it is not given."""
     value = None if pbr is None else getattr(pbr, name)
-    return 1.0 if value is None else min(max(float(value), 0.0), 1.0)
+    given = 1.0 if value is None else number(value, f"material {material!r}: {name}")
+    return min(max(given, 0.0), 1.0)
 
 
 def _alike(one: MaterialUse, other: MaterialUse) -> bool:

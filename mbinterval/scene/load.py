@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mbinterval.checks import number, shown
+from mbinterval.contents import read_file, recording
 from mbinterval.errors import SceneError, UsageError
 from mbinterval.scene.asset import GLTF_SUFFIXES, USD_SUFFIXES
 from mbinterval.scene.model import Scene
@@ -36,13 +37,13 @@ class SceneFile:
     render
         Values of the ``[render]`` table.
     files
-        All files that were read: the scene's own first.
+        SHA-256 of each file that was read, by its path, as it was read: the scene's own first.
     """
 
     scene: Scene
     settings: Mapping[str, Any] = field(default_factory=dict)
     render: RenderDefaults = field(default_factory=RenderDefaults)
-    files: tuple[Path, ...] = ()
+    files: Mapping[Path, str] = field(default_factory=dict)
 
 
 def load(
@@ -96,6 +97,18 @@ def load_file(
     caller joins them with values of its own, which `Settings` then checks. For example
     ``Settings.from_mapping({**mbinterval.load_file(path).settings, "samples": 16})``.
     """
+    with recording() as files:
+        loaded = _load(source, base, overruled, clip, fps)
+    return replace(loaded, files=files)
+
+
+def _load(
+    source: Any,
+    base: Any,
+    overruled: Collection[str],
+    clip: str | int | None,
+    fps: float | None,
+) -> SceneFile:
     if isinstance(source, Mapping):
         if base is not None and not isinstance(base, str | Path):
             raise SceneError(f"base={shown(base)}: expected the path of a folder")
@@ -111,13 +124,12 @@ def load_file(
     kind = path.suffix.lower()
     _check_animation(kind, clip, fps)
     if kind in (".toml", ".json"):
-        loaded = _from_table(_parse(path, kind), path.parent, str(path), overruled)
-        return replace(loaded, files=(path, *loaded.files))
+        return _from_table(_parse(path, kind), path.parent, str(path), overruled)
     if kind == ".npz":
         from mbinterval.scene.benchmark import read_benchmark
 
         scene, width, height = read_benchmark(path)
-        return SceneFile(scene, {}, RenderDefaults(width=width, height=height), (path,))
+        return SceneFile(scene, {}, RenderDefaults(width=width, height=height))
     return _model_scene(path, kind, clip, fps)
 
 
@@ -145,18 +157,19 @@ def _model_scene(path: Path, kind: str, clip: str | int | None, fps: float | Non
         from mbinterval.scene.meshes import read_mesh_file
 
         asset = read_mesh_file(path)
-    scene = Scene(
-        asset.meshes,
-        asset.camera,
-        asset.lights,
-        shutter=asset.shutter or usual.shutter,
-        fps=fps or asset.fps or usual.fps,
-        name=path.stem,
-        notes=asset.notes,
-        animation=asset.animation,
-        cameras=asset.cameras,
+    return SceneFile(
+        Scene(
+            asset.meshes,
+            asset.camera,
+            asset.lights,
+            shutter=asset.shutter or usual.shutter,
+            fps=fps or asset.fps or usual.fps,
+            name=path.stem,
+            notes=asset.notes,
+            animation=asset.animation,
+            cameras=asset.cameras,
+        )
     )
-    return SceneFile(scene, files=asset.files)
 
 
 def _parse(path: Path, kind: str) -> Any:
@@ -165,7 +178,7 @@ def _parse(path: Path, kind: str) -> Any:
     import tomllib
 
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_file(path).decode("utf-8-sig")
         return tomllib.loads(text) if kind == ".toml" else json.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"{path}: not valid TOML: {error}") from None
@@ -190,9 +203,9 @@ def _from_table(data: Any, base: Path, file: str, overruled: Collection[str]) ->
     table = validate(data, base, file, overruled)
     values = table.render.model_dump(exclude_none=True)
     try:
-        scene, files = build_scene(table, file)
+        scene = build_scene(table, file)
     except SceneError as error:
         if str(error).startswith(file):
             raise
         raise SceneError(f"{file}: {error}") from None
-    return SceneFile(scene, table.settings, RenderDefaults(**values), files)
+    return SceneFile(scene, table.settings, RenderDefaults(**values))

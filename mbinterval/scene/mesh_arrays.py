@@ -100,7 +100,8 @@ def check_color(
             f"{what} of shape {array.shape} fits both faces and vertices; "
             'give color_domain="face" or "vertex"'
         )
-    check_finite(array[..., :], what, "vertex" if fitting[0] == "vertex" else "face")
+    given = value if np.shape(value) == array.shape else np.broadcast_to(value, array.shape)
+    check_finite(array, what, "vertex" if fitting[0] == "vertex" else "face", given)
     alpha = array[..., 3:]
     if np.any((alpha < 0.0) | (alpha > 1.0)):
         wrong = alpha[(alpha < 0.0) | (alpha > 1.0)][0]

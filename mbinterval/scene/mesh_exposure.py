@@ -18,6 +18,9 @@ from mbinterval.scene.shutter_times import WHOLE, Stretch, Window
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
+_SHORT, _LONG = 1e-9, 1e9
+"""Lengths of normals whose squares float32 holds well."""
+
 
 @dataclass(frozen=True, eq=False)
 class MeshExposure:
@@ -152,7 +155,8 @@ def world_positions(mesh: Mesh, window: Window, times: Float64, which: Index = A
             )
         positions = points @ matrices[:, :3, :3].mT + matrices[:, None, :3, 3]
     if not np.isfinite(positions).all():
-        raise SceneError(f"mesh {mesh.name!r}: its transform takes vertices to infinity")
+        moved = "transform" if mesh.deformer is None else "deformer or transform"
+        raise SceneError(f"mesh {mesh.name!r}: its {moved} takes vertices to infinity")
     return np.asarray(positions)
 
 
@@ -179,7 +183,13 @@ def _world_normals(mesh: Mesh, frames: Float64, times: Float64, matrices: Float6
     else:
         normals = _at_times(np.asarray(mesh.normals), times)
     sign = -1.0 if np.linalg.det(matrices[0, :3, :3]) < 0.0 else 1.0
-    return np.asarray(normals @ (sign * cofactors(matrices[:, :3, :3])).mT)
+    found = np.asarray(normals @ (sign * cofactors(matrices[:, :3, :3])).mT)
+    longest = max(float(found.max(initial=0.0)), -float(found.min(initial=0.0)))
+    if not np.isfinite(longest):
+        raise SceneError(f"mesh {mesh.name!r}: its normals are not finite")
+    if longest == 0.0 or _SHORT < longest < _LONG:
+        return found
+    return np.asarray(np.ldexp(found, -int(np.frexp(longest)[1])))  # lengths count for nothing
 
 
 def _at_times(values: NDArray[Any], times: Float64) -> NDArray[Any]:

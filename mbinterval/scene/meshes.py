@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import os
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.contents import read_file
 from mbinterval.errors import SceneError
 from mbinterval.images import linear_pixels, srgb_to_linear
 from mbinterval.scene.asset import Asset, reading
@@ -35,7 +38,8 @@ def read_mesh_file(path: Path, root: Transform | None = None) -> Asset:
         known = ", ".join(sorted(trimesh.available_formats()))
         raise SceneError(f"{path}: meshes of kind {kind!r} can't be read; known: {known}")
     with reading(path, kind.upper()):
-        data, resolver = path.read_bytes(), _recording_resolver(path)
+        data, resolver = read_file(path), _recording_resolver(path)
+        _check_lines(kind, data)
         loaded = trimesh.load_scene(
             io.BytesIO(_utf8(data) if kind in ("obj", "off") else data),
             file_type=kind,
@@ -53,31 +57,54 @@ def read_mesh_file(path: Path, root: Transform | None = None) -> Asset:
         )
     if not meshes:
         raise SceneError(f"{path}: holds no triangles")
-    return Asset(meshes, notes=notes, files=(path, *dict.fromkeys(resolver.found)))
+    return Asset(meshes, notes=notes)
+
+
+def _check_lines(kind: str, data: bytes) -> None:
+    """Refuse a text file with fewer lines than its header claims vertices and faces.
+
+    trimesh takes as many as there are.
+    """
+    lines = data.split(b"\n") if kind == "off" else []
+    claimed = 0
+    if kind == "ply" and b"\nformat ascii" in data[:1000]:
+        head, _, body = data.partition(b"end_header")
+        lines = body.split(b"\n")[1:]
+        claimed = sum(map(int, re.findall(rb"^element\s+\w+\s+(\d+)", head, re.MULTILINE)))
+    lines = [line for line in lines if line.split(b"#")[0].strip()]
+    if kind == "off" and lines:
+        first = lines.pop(0).replace(b"OFF", b"").split() or lines.pop(0).split()
+        claimed = sum(map(int, first[:2]))
+    if claimed > len(lines):
+        raise SceneError(
+            f"its header claims {claimed} vertices and faces, but {len(lines)} lines follow; it is "
+            "cut off or damaged"
+        )
 
 
 def _recording_resolver(path: Path) -> Any:
-    """Make a resolver beside ``path`` that remembers what was found, and what was not.
+    """Make a resolver beside ``path`` that records what was found, and remembers what was not.
 
-    Of what is missing trimesh only logs it.
+    Of what is missing trimesh only logs it. As trimesh does, it looks in the file's folder alone,
+    there for the name without its own folder too.
     """
     from trimesh.resolvers import FilePathResolver
 
     class RecordingResolver(FilePathResolver):
         missing: list[str]
-        found: list[Path]
 
         def get(self, name: str) -> Any:
-            try:
-                data = super().get(name)
-            except (OSError, ValueError):
-                self.missing.append(name)
-                raise
-            self.found.append(path.parent / name)
-            return _utf8(data) if name.lower().endswith(".mtl") else data
+            folder, plain = path.parent.resolve(), name.strip()
+            for candidate in (plain, plain.lstrip("/"), os.path.split(name)[-1]):
+                found = (folder / candidate.replace("\0", "")).resolve()
+                if found.is_file() and found.is_relative_to(folder):
+                    data = read_file(path.parent / found.relative_to(folder))
+                    return _utf8(data) if name.lower().endswith(".mtl") else data
+            self.missing.append(name)
+            raise FileNotFoundError(name)
 
     resolver = RecordingResolver(str(path))
-    resolver.missing, resolver.found = [], []
+    resolver.missing = []
     return resolver
 
 

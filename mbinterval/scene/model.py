@@ -22,6 +22,7 @@ from mbinterval.scene.camera import Camera, Shutter, Viewpoint
 from mbinterval.scene.checks import Vector, freeze
 from mbinterval.scene.deform import Deformer
 from mbinterval.scene.environment import Environment, Reflections
+from mbinterval.scene.frozen import Frozen, check_portable
 from mbinterval.scene.mesh_arrays import check_attribute, check_color, check_faces, check_positions
 from mbinterval.scene.tracks import Placement, Track, check_place
 
@@ -50,7 +51,7 @@ WRAPS = ("repeat", "clamp", "mirror")
 
 
 @dataclass(frozen=True, eq=False)
-class Texture:
+class Texture(Frozen):
     """An image looked up by uv; v points up, as in OpenGL: (0, 0) is the lower left corner.
 
     Attributes
@@ -81,7 +82,7 @@ class Texture:
 
 
 @dataclass(frozen=True)
-class Material:
+class Material(Frozen):
     """How a surface answers light.
 
     ``"unlit"`` shows ``base_color`` times texture times vertex or face colour. ``"phong"`` is
@@ -170,7 +171,7 @@ class Material:
 
 
 @dataclass(frozen=True)
-class Light:
+class Light(Frozen):
     """A light without extent: ``"ambient"``, ``"directional"``, ``"point"`` or ``"spot"``.
 
     ``direction`` is the way that light travels. A point light falls off with the square of the
@@ -208,11 +209,14 @@ class Light:
                 f"light: inner_angle={inner:g}, outer_angle={outer:g}; expected inner_angle < "
                 "outer_angle, in degrees from the middle of the cone"
             )
+        color = checks.vector(self.color, "light: color")
+        intensity = checks.number(self.intensity, "light: intensity", 0.0)
+        checks.product({"color": color, "intensity": intensity}, "light")
         freeze(
             self,
             kind=kind,
-            color=checks.vector(self.color, "light: color"),
-            intensity=checks.number(self.intensity, "light: intensity", 0.0),
+            color=color,
+            intensity=intensity,
             direction=direction,
             position=checks.vector(self.position, "light: position"),
             inner_angle=inner,
@@ -221,6 +225,10 @@ class Light:
         )
         if self.transform is not None:
             check_place(self.transform, "light: transform")
+
+    def __getstate__(self) -> dict[str, Any]:
+        check_portable(self.transform, "light: transform")
+        return dict(vars(self))
 
     def at(self, frame: float) -> Light:
         """Return the light in the world at ``frame``."""
@@ -233,7 +241,7 @@ class Light:
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(Frozen):
     """Triangles that may move.
 
     Attributes
@@ -316,9 +324,17 @@ class Mesh:
         if self.deformer is not None and self.times > 1:
             raise SceneError(f"{where}: a deformer and positions per time; give one")
 
+    def __getstate__(self) -> dict[str, Any]:
+        for name in ("transform", "deformer"):
+            check_portable(getattr(self, name), f"{checks.named('mesh', self.name)}: {name}")
+        return dict(vars(self))
+
     def _check_material(self, shading: str | None, where: str) -> None:
         if self.material is not None:
             checks.check_kind(self.material, Material, f"{where}: material")
+            base = self.material.base_color
+            if self.color is not None and max(map(abs, base)) > 1.0:
+                checks.product({"color": self.color, "base_color": base}, where)
         if shading is None:
             return
         if self.material is not None:
@@ -363,7 +379,7 @@ class Mesh:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(Frozen):
     """Everything that is rendered; it can be evaluated at any frame.
 
     ``background`` is a colour, or an image ``(h, w, 3)``, scene-linear, that fills the frame; alpha
@@ -441,7 +457,5 @@ def _background(value: Any) -> Vector | Float32:
     if isinstance(value, str | Path) or np.ndim(value) == 3:
         pixels: Float32 = checks.image(value, what)[..., :3]
         return pixels
-    try:
-        return checks.vector(value, what)
-    except SceneError:
-        raise checks.refuse(value, what, "three finite numbers, or an image (h, w, 3)") from None
+    red, green, blue = checks.row(value, 3, what, "three finite numbers, or an image (h, w, 3)")
+    return red, green, blue

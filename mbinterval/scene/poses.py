@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene import checks
 from mbinterval.scene.camera import Camera
+from mbinterval.scene.checks import LARGEST
 from mbinterval.scene.tracks import Track
 
 Float64 = NDArray[np.float64]
@@ -52,11 +54,14 @@ def camera_poses(camera: Camera, frames: Float64, aspect: float) -> CameraPoses:
     eyes, rotations, focals, apertures, focuses = [], [], [], [], []
     for frame in map(float, frames):
         if camera.transform is not None:
-            matrix = camera.transform.at(frame)
-            eye, axes = matrix[:3, 3], matrix[:3, :3].T
-            lengths = np.linalg.norm(axes, axis=1, keepdims=True)
+            with np.errstate(over="ignore", invalid="ignore"):  # the result is looked at
+                matrix = camera.transform.at(frame)
+                eye, axes = matrix[:3, 3], matrix[:3, :3].T
+                lengths = np.linalg.norm(axes, axis=1, keepdims=True)
             if not lengths.all():
                 raise SceneError("camera: its transform is singular; check the scale keys")
+            if not (np.isfinite(lengths).all() and np.isfinite(eye).all()):
+                raise SceneError("camera: its transform is not finite; check the scale keys")
             rotation = axes / lengths
         else:
             eye = _keyed(camera.position, frame)
@@ -94,11 +99,18 @@ def _focal(camera: Camera, frame: float, aspect: float) -> float:
     """Focal length as a fraction of the image's height."""
     if camera.focal_length is None:
         fov = 45.0 if camera.fov is None else float(_keyed(camera.fov, frame))
-        return float(0.5 / np.tan(np.radians(fov) / 2.0))
-    focal = float(_keyed(camera.focal_length, frame))
-    if camera.vertical_aperture is None and camera.horizontal_aperture is not None:
-        return focal * aspect / camera.horizontal_aperture
-    return focal / (camera.vertical_aperture or 24.0)
+        focal, height = 0.5, float(np.tan(np.radians(fov) / 2.0))
+    else:
+        focal, height = float(_keyed(camera.focal_length, frame)), camera.vertical_aperture or 24.0
+        if camera.vertical_aperture is None and camera.horizontal_aperture is not None:
+            focal, height = focal * aspect, camera.horizontal_aperture
+    if not height / LARGEST <= focal <= height * LARGEST:
+        fields = "fov" if camera.focal_length is None else "focal_length and aperture"
+        raise SceneError(
+            f"{checks.named('camera', camera.name)}: {fields} make a focal length of {focal:.3g} "
+            f"for {height:.3g} of the image's height, which float32 can't hold"
+        )
+    return focal / height
 
 
 def _lens(camera: Camera, frame: float, focal: float) -> tuple[float, float]:
@@ -110,5 +122,11 @@ def _lens(camera: Camera, frame: float, focal: float) -> tuple[float, float]:
     else:
         millimetres = float(_keyed(camera.focal_length, frame))
     f_stop = float(_keyed(camera.f_stop, frame))
-    radius = millimetres * 1e-3 / camera.meters_per_unit / f_stop / 2.0
+    with np.errstate(over="ignore"):
+        radius = float(np.float64(millimetres * 1e-3) / camera.meters_per_unit / f_stop / 2.0)
+    if radius > LARGEST:
+        raise SceneError(
+            f"{checks.named('camera', camera.name)}: focal length, f_stop and meters_per_unit make "
+            f"a lens of {radius:.3g} units, which float32 can't hold"
+        )
     return radius, float(_keyed(camera.focus_distance, frame))

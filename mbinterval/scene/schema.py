@@ -6,6 +6,7 @@ exist; `conflicts` checks what involves several fields. Together they report eve
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,6 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from mbinterval.errors import UsageError
 from mbinterval.frames import parse_frames, parse_outputs
+from mbinterval.scene.checks import LARGEST, UPTO
 
 Vector3 = tuple[float, float, float]
 
@@ -30,10 +32,12 @@ def _numbers(*counts: int) -> Callable[[Any], tuple[float, ...]]:
             or len(items) not in counts
             or not all(isinstance(item, int | float) for item in items)
             or any(isinstance(item, bool) for item in items)
-            or not np.isfinite(np.array(items, dtype=float)).all()
+            or not all(abs(item) < math.inf for item in items)
         ):
             wanted = " or ".join(map(str, counts))
             raise _problem(f"expected a list of {wanted} finite numbers, got {value!r:.80}")
+        if any(abs(item) > LARGEST for item in items):
+            raise _problem(f"expected numbers {UPTO}, got {value!r:.80}")
         return tuple(map(float, items))
 
     return check
@@ -134,8 +138,8 @@ Size = Annotated[tuple[float, ...], PlainValidator(_numbers(2, 3))]
 Array = Annotated[Any, PlainValidator(_array)]
 TextOrCount = Annotated[str | int, PlainValidator(_text_or_count)]
 File = Annotated[Path, PlainValidator(_existing)]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, le=LARGEST)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 Angle = Annotated[float, Field(gt=0, lt=180)]
 Count = Annotated[int, Field(ge=1)]
 Pixels = Annotated[int, Field(ge=1, le=65536)]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mbinterval.checks import shown
 from mbinterval.errors import SceneError
 from mbinterval.scene import checks
+from mbinterval.scene.frozen import Frozen
 
 Float64 = NDArray[np.float64]
 
@@ -22,7 +23,7 @@ INTERPOLATIONS = ("linear", "step", "cubic")
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class Track(Frozen):
     """Values at keys.
 
     Attributes
@@ -53,8 +54,8 @@ class Track:
                 f"track: {frames.shape} key times for values of shape {values.shape}; "
                 "expected as many times as values, at least one"
             )
-        if not (np.isfinite(frames).all() and np.isfinite(values).all()):
-            raise SceneError("track: every key time and value must be finite")
+        for name, array in (("frames", frames), ("values", values)):
+            checks.check_finite(array.reshape(len(frames), -1), f"track: {name}", "key")
         if np.any(np.diff(frames) <= 0):
             raise SceneError(f"track: key times must increase, got {shown(frames.tolist())}")
         interpolation = checks.choice(self.interpolation, INTERPOLATIONS, "track: interpolation")
@@ -134,7 +135,7 @@ class Placement(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Transform:
+class Transform(Frozen):
     """A node of a hierarchy: parent * translation * rotation * scale * matrix.
 
     Each of translation, rotation and scale is constant or a ``Track``; ``matrix`` is a constant
@@ -166,15 +167,34 @@ class Transform:
         if self.parent is not None:
             checks.check_kind(self.parent, Transform, "transform: parent")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Pickle would go up to the root node by node, deeper than Python's stack: so, of every
+        # thirty-second node, every thirty-second ancestor comes first, from the root on.
+        above = self._chain()[:-1]
+        stones = above[::_STRIDE] if len(above) % _STRIDE == 0 else []
+        return _restored, (stones, vars(self))
+
+    def _chain(self) -> list[Transform]:
+        """Its ancestors, the root first, and itself."""
+        chain: list[Transform] = []
+        node: Transform | None = self
+        while node is not None:
+            chain.append(node)
+            node = node.parent
+        return chain[::-1]
+
+    @property
+    def fingerprint(self) -> list[Any]:
+        """What tells it from others by contents, without its ancestors' records in one another."""
+        return [(n.translation, n.rotation, n.scale, n.matrix) for n in self._chain()]
+
     @property
     def tracks(self) -> list[Track]:
         """Every track of this node and of its ancestors."""
         found: list[Track] = []
-        node: Transform | None = self
-        while node is not None:
+        for node in reversed(self._chain()):
             values = (node.translation, node.rotation, node.scale)
             found += [value for value in values if isinstance(value, Track)]
-            node = node.parent
         return found
 
     @property
@@ -191,9 +211,10 @@ class Transform:
         """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns."""
         world = self._local(frame)
         node = self.parent
-        while node is not None:  # a loop, since files may nest deeper than Python's stack
-            world = node._local(frame) @ world
-            node = node.parent
+        with np.errstate(over="ignore", invalid="ignore"):  # who asks looks at the result
+            while node is not None:  # a loop, since files may nest deeper than Python's stack
+                world = node._local(frame) @ world
+                node = node.parent
         return world
 
     def _local(self, frame: float) -> Float64:
@@ -201,6 +222,15 @@ class Transform:
         local[:3, :3] = quaternion_matrix(_value(self.rotation, frame)) * _value(self.scale, frame)
         local[:3, 3] = _value(self.translation, frame)
         return local if self.matrix is None else local @ self.matrix
+
+
+_STRIDE = 32
+
+
+def _restored(_stones: list[Transform], state: dict[str, Any]) -> Transform:
+    made = Transform.__new__(Transform)
+    made.__setstate__(state)
+    return made
 
 
 def matrices_at(nodes: Sequence[Transform], frame: float) -> Float64:
@@ -212,9 +242,10 @@ def matrices_at(nodes: Sequence[Transform], frame: float) -> Float64:
         while step is not None and id(step) not in known:
             chain.append(step)
             step = step.parent
-        for item in reversed(chain):
-            local = item._local(frame)
-            known[id(item)] = local if item.parent is None else known[id(item.parent)] @ local
+        with np.errstate(over="ignore", invalid="ignore"):  # who asks looks at the result
+            for item in reversed(chain):
+                local = item._local(frame)
+                known[id(item)] = local if item.parent is None else known[id(item.parent)] @ local
     return np.array([known[id(node)] for node in nodes]).reshape(-1, 4, 4)
 
 
@@ -238,6 +269,7 @@ def _affine(value: Any) -> Float64:
     matrix = checks.numbers(value, np.float64, "transform: matrix")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         raise checks.refuse(value, "transform: matrix", "4 x 4 finite numbers")
+    checks.check_finite(matrix, "transform: matrix", "row")
     if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), rtol=0.0, atol=1e-6):
         raise SceneError(
             f"transform: the last row of matrix is {matrix[3].tolist()}, expected [0, 0, 0, 1]; it "

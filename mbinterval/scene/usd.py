@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene import checks
 from mbinterval.scene.asset import Asset, reading, several_cameras
 from mbinterval.scene.model import Camera, Mesh, Shutter, Viewpoint
 from mbinterval.scene.tracks import Track, Transform
 from mbinterval.scene.usd_instances import Crowd, InstancePlace, instance_masks
+from mbinterval.scene.usd_layers import Layers, read_layers
 from mbinterval.scene.usd_material import MaterialReader
 from mbinterval.scene.usd_mesh import (
     MovingNormals,
@@ -58,21 +60,23 @@ def read_usd(path: Path, fps: float | None = None, root: Transform | None = None
         Where usd-core is not installed; for a broken file, and for one without meshes.
     """
     try:
-        from pxr import Usd
+        import pxr  # noqa: F401
     except ImportError:
         raise SceneError(
             f"{path}: USD files need usd-core: pip install 'mbinterval[usd]'"
         ) from None
     with reading(path, "USD"), reading_prim(""):
-        stage = Usd.Stage.Open(str(path))
-        return _StageReader(stage, path, fps, root).asset()
+        return read_layers(path, lambda layers: _StageReader(layers, path, fps, root).asset())
 
 
 class _StageReader:
-    def __init__(self, stage: Any, path: Path, fps: float | None, root: Transform | None) -> None:
+    def __init__(
+        self, layers: Layers, path: Path, fps: float | None, root: Transform | None
+    ) -> None:
         from pxr import Usd, UsdGeom
 
-        self.stage, self.path = stage, path
+        stage = layers.stage
+        self.layers, self.stage, self.path = layers, stage, path
         self.notes: list[str] = []
         self.start = Usd.TimeCode.EarliestTime()
         codes = stage.GetTimeCodesPerSecond()
@@ -81,7 +85,7 @@ class _StageReader:
         self.root: Transform | None = root
         if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z:
             self.root = replace(_Z_UP, parent=root)
-        self.materials = MaterialReader(self._note)
+        self.materials = MaterialReader(self._note, layers)
         self.skeletons = SkelReader(stage, self.clock)
 
     def asset(self) -> Asset:
@@ -100,6 +104,8 @@ class _StageReader:
                     cameras += self._camera(UsdGeom.Camera(prim))
                 elif prim.IsA(UsdGeom.Gprim):
                     others.add(str(prim.GetTypeName()))
+        for text in self.layers.warnings():
+            self._note(text)
         if others:
             self._note(f"only meshes are read; left out: {', '.join(sorted(others))}")
         if not meshes:
@@ -113,23 +119,12 @@ class _StageReader:
             notes=tuple(self.notes),
             animation=self._animation(),
             fps=self.fps,
-            files=self._files(),
         )
 
     def _note(self, text: str) -> None:
         note = f"{self.path.name}: {text}"
         if note not in self.notes:
             self.notes.append(note)
-
-    def _files(self) -> tuple[Path, ...]:
-        """Files that were read: the stage's own, its layers in the order of names, textures.
-
-        What lies in a package is in the package's file.
-        """
-        layers = {Path(layer.realPath) for layer in self.stage.GetUsedLayers() if layer.realPath}
-        others = sorted(layers - {self.path.resolve()})
-        named = [self.path, *others, *self.materials.files]
-        return tuple(path for path in dict.fromkeys(named) if path.is_file())
 
     def _prims(self) -> Iterator[Any]:
         """Prims to draw, in instances too; what a point instancer has below it is its own."""
@@ -182,7 +177,8 @@ class _StageReader:
             **lens,
         )
         opens, closes = (
-            float(attribute.Get(self.start) or 0.0) / self.clock.rate
+            checks.number(float(attribute.Get(self.start) or 0.0), str(attribute.GetPath()))
+            / self.clock.rate
             for attribute in (source.GetShutterOpenAttr(), source.GetShutterCloseAttr())
         )
         return [Viewpoint(camera, Shutter(opens, closes) if closes > opens else Shutter())]

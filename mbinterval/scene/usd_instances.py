@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene.frozen import OfStage
 from mbinterval.scene.tracks import Placement, Track
 from mbinterval.scene.usd_time import Clock, columns, finite, reading_prim
 
@@ -16,7 +17,7 @@ Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Crowd:
+class Crowd(OfStage):
     """Transforms of all instances of a point instancer, kept for the times that were asked for."""
 
     source: Any
@@ -46,7 +47,7 @@ class Crowd:
 
 
 @dataclass(frozen=True, eq=False)
-class InstancePlace:
+class InstancePlace(OfStage):
     """Place of a mesh in an instance: its own within the prototype, the instance's, the crowd's."""
 
     crowd: Crowd

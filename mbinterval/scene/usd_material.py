@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.images import decode_image, undecoded
+from mbinterval.scene.checks import number
 from mbinterval.scene.model import Material, Texture
+from mbinterval.scene.usd_layers import Layers, without_link
 
 Note = Callable[[str], None]
 
@@ -33,16 +34,12 @@ class MaterialUse:
 
 
 class MaterialReader:
-    """Reads each material of a stage once, when it is first used; values at the earliest time.
+    """Reads each material of a stage once, when it is first used; values at the earliest time."""
 
-    ``files`` are the textures that were read.
-    """
-
-    def __init__(self, note: Note) -> None:
-        self._note = note
+    def __init__(self, note: Note, layers: Layers) -> None:
+        self._note, self._layers = note, layers
         self._uses: dict[Any, MaterialUse] = {}
         self._textures: dict[tuple[str, str, bool], Texture | None] = {}
-        self.files: list[Path] = []
 
     def use(self, prim: Any, double_sided: bool) -> MaterialUse:
         """Material that is bound to ``prim``; without one its colour is ``displayColor``."""
@@ -86,7 +83,7 @@ class MaterialReader:
             if field_name == "emission":
                 found[field_name] = _triple(value)
             else:
-                found[field_name] = min(max(float(value), 0.0), 1.0)
+                found[field_name] = _share(value, f"material {material.name!r}: {name}")
         return replace(material, **found)
 
     def _with_color(self, material: Material, shader: Any) -> MaterialUse:
@@ -111,7 +108,8 @@ class MaterialReader:
         mode = tested if threshold > 0.0 else {}
         source = _source(given)
         if source is None:
-            opacity = min(max(float(_value(given, 1.0)), 0.0), 1.0)
+            what = f"material {use.material.name!r}: opacity"
+            opacity = _share(_value(given, 1.0), what)
             return replace(use, material=replace(use.material, opacity=opacity, **mode))
         placed = self._alpha_texture(use, source, given)
         if placed is None:
@@ -167,20 +165,17 @@ class MaterialReader:
 
     def _image(self, file: Any, wrap: str, raw: bool) -> Texture | None:
         """Texture of an asset path, inside a package too; None, and a note, if it is not there."""
-        from pxr import Ar
-
         key = (file.resolvedPath or file.path, wrap, raw)
         if key not in self._textures:
-            asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(file.resolvedPath))
+            data, name = self._layers.data(file.resolvedPath), without_link(file.path)
             self._textures[key] = None
-            if asset:
-                self.files.append(Path(file.resolvedPath))
-                image = decode_image(bytes(asset.GetBuffer()), file.path)
+            if data is None:
+                self._note(f"texture not found: {name}; its fallback colour is used")
+            else:
+                image = decode_image(data, name)
                 if raw:
                     image = undecoded(image)
-                self._textures[key] = Texture(image, name=file.path, wrap=wrap)
-            else:
-                self._note(f"texture not found: {file.path}; its fallback colour is used")
+                self._textures[key] = Texture(image, name=name, wrap=wrap)
         return self._textures[key]
 
 
@@ -224,6 +219,11 @@ def _coordinates(reader: Any) -> tuple[str, NDArray[np.float64], NDArray[np.floa
         reader = _source(reader.GetInput("in"))
     name = "st" if reader is None else str(_value(reader.GetInput("varname"), "st"))
     return name, linear, offset
+
+
+def _share(value: Any, what: str) -> float:
+    """Return a number cut to 0 to 1."""
+    return min(max(number(float(value), what), 0.0), 1.0)
 
 
 def _triple(value: Any) -> tuple[float, float, float]:

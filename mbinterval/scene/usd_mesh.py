@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.deform import ALL, Index
+from mbinterval.scene.frozen import OfStage
 from mbinterval.scene.usd_time import Clock, reading_prim
 
 Float64 = NDArray[np.float64]
@@ -127,7 +128,7 @@ def _primvar(mesh: Any, name: str, values: Any, kind: str, topology: Topology) -
 
 
 @dataclass(frozen=True, eq=False)
-class MovingPoints:
+class MovingPoints(OfStage):
     """Points of a mesh over time: sampled, and led on by velocities and accelerations.
 
     ``vertices`` ``(N,)`` are the points that the mesh's vertices are.

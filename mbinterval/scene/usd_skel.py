@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.deform import Morph, MorphedSkin, Skin
+from mbinterval.scene.frozen import OfStage
 from mbinterval.scene.usd_time import Clock, columns, finite, reading_prim
 
 Float64 = NDArray[np.float64]
@@ -21,7 +22,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class SkelJoints:
+class SkelJoints(OfStage):
     """Joints of a skeleton in the order of one mesh, times its bind transform."""
 
     skeleton: Any
@@ -44,7 +45,7 @@ class SkelJoints:
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeWeights:
+class ShapeWeights(OfStage):
     """Weights of sub-shapes over time: blend shapes with their in-betweens."""
 
     animation: Any

@@ -5,17 +5,22 @@ USD reads values when they are asked for, so a damaged file may be found out in 
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.scene.checks import number
+from mbinterval.scene.frozen import OfStage
 from mbinterval.scene.tracks import Placement, Track
+from mbinterval.scene.usd_layers import without_link
 
 Float64 = NDArray[np.float64]
 
@@ -35,7 +40,7 @@ def reading_prim(prim: Any) -> Iterator[None]:
         raise
     except Exception as error:
         said = dict.fromkeys(" ".join(text.split()) for text in _REASON.findall(f"{error}\n"))
-        reason = "; ".join(said) or f"{type(error).__name__}: {error}"
+        reason = without_link("; ".join(said) or f"{type(error).__name__}: {error}")
         place = f"{prim}: cannot be read" if str(prim) else "not a readable USD file"
         raise SceneError(f"{place} ({reason[:_MOST_REASON]}); export it again") from error
 
@@ -46,6 +51,12 @@ class Clock:
 
     stage: Any
     rate: float
+
+    @cached_property
+    def fingerprint(self) -> tuple[str, float]:
+        """What tells it from others by contents: a digest of the stage, and the rate."""
+        text = without_link(self.stage.ExportToString(addSourceFileComment=False))
+        return hashlib.sha256(text.encode()).hexdigest(), self.rate
 
     def code(self, frame: float) -> Any:
         """Return the ``Usd.TimeCode`` of ``frame``."""
@@ -60,7 +71,7 @@ class Clock:
 
 
 @dataclass(frozen=True, eq=False)
-class PrimPlace:
+class PrimPlace(OfStage):
     """The place of a prim: local to world by its xformOps, under ``root``."""
 
     prim: Any
@@ -130,7 +141,7 @@ def keyed(attribute: Any, clock: Clock) -> float | Track | None:
     from pxr import Usd
 
     value = attribute.Get(Usd.TimeCode.EarliestTime())
-    return None if value is None else float(value)
+    return None if value is None else number(float(value), str(attribute.GetPath()))
 
 
 def visibility(prim: Any, clock: Clock) -> bool | Track:

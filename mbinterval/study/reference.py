@@ -17,16 +17,16 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 import mbinterval
+from mbinterval.arrays import read_arrays
 from mbinterval.atomic import prepare_output, write_file
 from mbinterval.bench import settings_text
 from mbinterval.bench_cases import Case
-from mbinterval.checks import number, whole_number
+from mbinterval.checks import number, shown, whole_number
 from mbinterval.device.choose import choose_device
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import UsageError
@@ -139,7 +139,7 @@ def converged(
     if folder is not None:
         key = fingerprint(case, settings, device)
         path = prepare_output(Path(folder) / f"{case.name.replace(':', '-')}-{key}.npz")
-        kept = _read(path, settings)
+        kept = _read(path, settings, case)
         if kept is not None and (_fine(kept, error) or kept.renders >= most):
             return kept
     reference = _made(case, settings, error, most, device, progress)
@@ -232,10 +232,19 @@ def _bytes_of(value: Any) -> Iterator[bytes]:
         yield f"{len(value)}:".encode()
         for item in value:
             yield from _bytes_of(item)
+    elif hasattr(value, "fingerprint"):
+        yield from _bytes_of(value.fingerprint)
+    elif type(value).__module__.startswith("pxr."):  # what it is follows from the stage
+        named = value.GetPrim() if hasattr(value, "GetPrim") else value
+        yield from _bytes_of(str(named.GetPath()) if hasattr(named, "GetPath") else "")
     elif is_dataclass(value):
         yield from _bytes_of([(item.name, getattr(value, item.name)) for item in fields(value)])
     else:
-        raise TypeError(f"{type(value).__name__} has no bytes to hash")
+        raise UsageError(
+            f"{shown(value)}: a scene with a part that is not of mbinterval is not known by its "
+            "contents, so that references of it cannot be kept: make it of transforms, tracks or "
+            "positions per time"
+        )
 
 
 def _write(path: Path, reference: Reference) -> None:
@@ -245,16 +254,16 @@ def _write(path: Path, reference: Reference) -> None:
     write_file(path, written.getbuffer())
 
 
-def _read(path: Path, settings: Settings) -> Reference | None:
+def _read(path: Path, settings: Settings, case: Case) -> Reference | None:
     if not path.exists():
         return None
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            halves, facts = stored["halves"], json.loads(str(stored["facts"]))
-        if halves.dtype != np.float32 or halves.ndim != 4 or len(halves) != 2:
-            raise ValueError("no halves of an image")
+        stored = read_arrays(path, ["halves", "facts"])
+        halves, facts = stored["halves"], json.loads(str(stored["facts"]))
+        if halves.dtype != np.float32 or halves.shape != (2, case.height, case.width, 3):
+            raise ValueError("no halves of the image")
         renders, seconds = int(facts["renders"]), float(facts["seconds"])
         return Reference(halves, settings_text(settings), settings.method, renders, seconds)
-    except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         _log.warning("reference %s: cannot be read (%s); it is made again", path, error)
         return None

@@ -47,7 +47,7 @@ def read_study(folder: str | Path) -> dict[str, Any]:
         result = json.loads(path.read_text(encoding="utf-8"))
         if result["format"] != FORMAT:
             raise ValueError("of another format")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise UsageError(f"{path}: not a study ({error!r:.80})") from None
     return dict(result)
 

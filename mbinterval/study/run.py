@@ -277,7 +277,7 @@ def _begun(path: Path | None, key: str) -> dict[str, Any] | None:
         if stored["format"] == FORMAT and stored["key"] == key:
             _log.info("%s: goes on after %d sweeps", path, len(stored["sweeps"]))
             return dict(stored)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         _log.warning("%s: cannot be read (%s); the study begins anew", path, error)
         return None
     _log.warning("%s: is of another scene, version or machine; the study begins anew", path)
