@@ -203,38 +203,32 @@ def _read(path: str | Path, data: bytes | None = None) -> Any:
     if not path.is_file():
         raise OutputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
     try:
-        with path.open("rb") if data is None else _in_memory(data) as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
-                raise OutputError(f"{path}: not an EXR file, the only kind that can be read back")
-            plain = data is None and os.fspath(path).isprintable()  # OpenEXR's names are UTF-8
-            name = os.fspath(path) if plain else f"/proc/self/fd/{file.fileno()}"
-            return _first_part(path, name, os.fstat(file.fileno()).st_size)
+        # OpenEXR opens no file whose name is not UTF-8.
+        with path.open("rb") if data is None else io.BytesIO(data) as file:
+            return _first_part(path, file)
     except OSError as error:
         raise OutputError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
-def _in_memory(data: bytes) -> BinaryIO:
-    """Return a file in memory, since not every OpenEXR reads from anything else than files."""
-    file = os.fdopen(os.memfd_create("exr"), "wb+")
-    file.write(data)
-    file.seek(0)
-    return file
-
-
-def _first_part(path: Path, name: str, size: int) -> Any:
-    """Read a file of ``size`` bytes by its ``name``, which is ``path`` in messages."""
+def _first_part(path: Path, file: BinaryIO) -> Any:
+    """Read a file, which is ``path`` in messages."""
     import OpenEXR
 
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    if file.read(len(_MAGIC)) != _MAGIC:
+        raise OutputError(f"{path}: not an EXR file, the only kind that can be read back")
     try:
-        if least_bytes(OpenEXR.File(name, header_only=True).parts) > size:
+        file.seek(0)
+        if least_bytes(OpenEXR.File(file, header_only=True).parts) > size:
             raise OutputError(
                 f"{path}: its header claims more pixels than the file holds; it is broken or cut "
                 "off: render it again"
             )
-        parts = OpenEXR.File(name, separate_channels=True).parts
+        file.seek(0)
+        parts = OpenEXR.File(file, separate_channels=True).parts
     except (RuntimeError, TypeError, ValueError, KeyError) as error:
-        reason = str(error).replace(name, os.fspath(path))
-        raise OutputError(f"{path}: cannot be read as EXR ({reason})") from error
+        raise OutputError(f"{path}: cannot be read as EXR ({error})") from error
     except MemoryError:
         raise OutputError(f"{path}: does not fit into memory") from None
     if not parts:
