@@ -1,10 +1,38 @@
-"""Workers of pytest-xdist take tests by file: what a file's tests share is made once."""
+"""What all tests share: their environment, the folder beside the checkout, and their order."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+"""Benchmarks and larger models, which are no part of the repository."""
+
+for name in [name for name in os.environ if name.startswith(("MBINTERVAL_", "PYOPENCL_CTX"))]:
+    del os.environ[name]  # what a user has chosen is not what tests expect
+
+
+@pytest.fixture
+def shared_file() -> Callable[[str], Path]:
+    """Path of a file in ``../shared``; the test skips where it isn't there."""
+
+    def find(name: str) -> Path:
+        if not (SHARED / name).exists():
+            pytest.skip(f"needs ../shared/{name}, which is not beside this checkout")
+        return SHARED / name
+
+    return find
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if "shared_file" in getattr(item, "fixturenames", ()):
+            item.add_marker("shared")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -12,7 +40,7 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
     from xdist.scheduler import LoadScopeScheduling
 
     class ByFile(LoadScopeScheduling):
-        """Only Oclgrind's tests, each a process of its own, are taken one by one."""
+        """By file, whose tests share what is made once; Oclgrind's, each a process, one by one."""
 
         def _split_scope(self, nodeid: str) -> str:
             file = nodeid.split("::")[0]

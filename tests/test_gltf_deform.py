@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from mbinterval.scene.shutter_times import Window
 from mbinterval.scene.tracks import Transform
 
 FOX = Path(__file__).parents[1] / "scenes" / "assets" / "Fox.glb"
-ASSETS = os.environ.get("MB_ASSETS")
 HALF = np.sqrt(0.5)
 GRID = np.random.default_rng(7).uniform(-1, 1, (60, 3))
 FACES = np.arange(60).reshape(20, 3)
@@ -56,7 +54,6 @@ def test_the_comparison_with_vtk_tells_a_hundredth_of_a_second():
         )
 
 
-@pytest.mark.skipif(not ASSETS, reason="MB_ASSETS names no folder of larger test models")
 @pytest.mark.parametrize(
     ("name", "clips", "tolerance"),
     [
@@ -68,10 +65,11 @@ def test_the_comparison_with_vtk_tells_a_hundredth_of_a_second():
         ("simple_skin/SimpleSkin.gltf", [0], 1e-4),  # its quaternions have lengths of 1 + 1e-4
     ],
 )
-def test_other_models_move_as_vtk_has_them(name, clips, tolerance):
+def test_other_models_move_as_vtk_has_them(name, clips, tolerance, shared_file):
+    path = shared_file(f"assets/{name}")
     for clip in clips:
         for seconds in (0.0, 0.137, 0.61, 2.3):
-            assert_like_vtk(Path(str(ASSETS)) / name, seconds, clip, tolerance)
+            assert_like_vtk(path, seconds, clip, tolerance)
 
 
 def skinned(gltf, sets=1, code="f", **more):
