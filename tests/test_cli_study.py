@@ -52,7 +52,7 @@ def test_ctrl_c_leaves_a_report_of_what_was_done(tmp_path):
                 break
             time.sleep(0.1)
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=600)
     finally:
         process.kill()
     assert process.returncode == 130

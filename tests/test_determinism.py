@@ -107,7 +107,7 @@ def hashes(threads: int) -> list[str]:
     run = subprocess.run(
         [sys.executable, "-c", THREADS],
         env=os.environ | {"POCL_MAX_PTHREAD_COUNT": str(threads), "PYTHONPATH": path},
-        capture_output=True, text=True, timeout=300, check=False,
+        capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
     return run.stdout.split()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA
+from kernels import builds_without
 from oclgrind_scenes import LENS, ROLL, SCENES, colorful, seen_through, triangles
 from shadow_scenes import AMBIENT, CAMERA, LAMP, plate
-from test_plan import builds_without, mesh, plan
+from test_plan import mesh, plan
 
 import mbinterval as mb
 from mbinterval import record

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_forms import FACES, UNIT_CAMERA, rectangle, world
-from kernels import run
+from kernels import builds_without, run
 from reference import shading as twin
 from test_exact_films import rms
-from test_plan import builds_without
 
 import mbinterval as mb
 from mbinterval.appearance import appearance
