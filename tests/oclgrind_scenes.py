@@ -30,7 +30,7 @@ from mbinterval.scene.model import (
 )
 from mbinterval.scene.tracks import Track
 
-SIZE = (13, 9)
+SIZE = (9, 7)
 LENS = {"focal_length": 50.0, "vertical_aperture": 50.0, "f_stop": 0.5, "focus_distance": 2.0}
 
 
