@@ -12,6 +12,13 @@ import pytest
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 """Benchmarks and larger models, which are no part of the repository."""
 
+LONG = (
+    *("packaging", "shadows", "stochastic_culling", "mirrors", "transparency", "exact_films"),
+    *("environment", "aovs", "stochastic_agreement", "all_effects", "shutter_lens", "study"),
+    *("transparency_stochastic", "glossy_mirrors", "hypothesis_scenes", "farm", "recommend"),
+)
+"""Files that take longest: workers begin with them, so that none of them ends alone."""
+
 for name in [name for name in os.environ if name.startswith(("MBINTERVAL_", "PYOPENCL_CTX"))]:
     del os.environ[name]  # what a user has chosen is not what tests expect
 
@@ -33,6 +40,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if "shared_file" in getattr(item, "fixturenames", ()):
             item.add_marker("shared")
+    names = [f"test_{name}" for name in LONG]
+    items.sort(key=lambda item: names.index(item.path.stem) if item.path.stem in names else 99)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -46,4 +55,5 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             file = nodeid.split("::")[0]
             return nodeid if file.endswith("test_oclgrind.py") else file
 
+    config.option.loadscopereorder = False  # which is by how many tests a file has
     return ByFile(config, log)
