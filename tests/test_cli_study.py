@@ -58,7 +58,7 @@ def test_ctrl_c_leaves_a_report_of_what_was_done(tmp_path):
         process.kill()
     assert process.returncode == 130
     assert "stopped; the same command goes on from here" in err
-    assert "stopped before its end" in (tmp_path / "report.html").read_text()
+    assert "stopped before its end" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

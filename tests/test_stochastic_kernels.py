@@ -46,7 +46,7 @@ def test_nothing_of_roots_or_intervals_is_shared():
         file = waiting.pop()
         if file not in seen:
             seen.add(file)
-            text = (kernel_root() / file).read_text()
+            text = (kernel_root() / file).read_text(encoding="utf-8")
             waiting += re.findall(r'#include "([^"]+)"', text)
     assert not [file for file in seen if file.startswith("analytic")]
     assert not seen & {"shared/bernstein.h", "shared/quintic.h", "shared/wide.h"}
