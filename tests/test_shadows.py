@@ -357,8 +357,7 @@ def test_slices_see_shadows_too():
     of = CASES["moving caster on static receiver"]()
     exact = film(of)
     errors = [
-        np.sqrt(np.mean((film(of, method="accumulation", slices=n) - exact) ** 2))
-        for n in (4, 64)
+        np.sqrt(np.mean((film(of, method="accumulation", slices=n) - exact) ** 2)) for n in (4, 64)
     ]
     assert errors[1] < 0.01
     assert errors[0] > 3.0 * errors[1]
