@@ -123,13 +123,19 @@ class Recorder:
         column = (x + plan.region[0] - left) // plan.tile
         return np.asarray((y + plan.region[1] - top) // plan.tile * columns + column)
 
-    def make_room(self, some_fitted: bool) -> None:
-        """Prepare for tiles that found the pool full: where no tile fitted it grows."""
+    def make_room(self, some_fitted: bool, alone: bool) -> bool:
+        """Prepare for tiles that found the pool full: where no tile fitted it grows.
+
+        Returns False where there is no memory for that, and tiles must be rendered ``alone``:
+        several at once can keep each other from fitting.
+        """
         if some_fitted:
-            return
+            return True
         size = _GROWTH * self.capacity * records.EVENT.itemsize
         room = memory_room(self._work, besides=("events",)) // 2
         if size > min(room, self._work.runtime.device.max_mem_alloc_size):
+            if not alone:
+                return False
             raise CapacityError(
                 f"the visible spans of a tile take more than {size // _GROWTH / 2**20:.1f} MiB, "
                 f"which the {', '.join(_asked(self._work.plan))} asked for are made of, and there "
@@ -137,6 +143,7 @@ class Recorder:
             )
         self.capacity *= _GROWTH
         self._allocate_pool()
+        return True
 
 
 def _chosen(events: NDArray[np.void], parts: bool) -> NDArray[np.void]:

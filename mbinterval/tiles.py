@@ -96,7 +96,9 @@ def render_tiles(
                 progress((len(listed) - len(queue) + done) / len(listed))
         failed = work.runtime.download(work.buffers["failed"], listed.shape, np.uint32)[queue]
         if recorder is not None and (failed == EVENTS_FULL).any():
-            recorder.make_room(bool((failed != EVENTS_FULL).any()))
+            some_fitted = bool((failed != EVENTS_FULL).any())
+            if not recorder.make_room(some_fitted, alone=workers == 1):
+                workers = 1
         queue = queue[failed != 0]
         if (failed == POOLS_FULL).any():
             capacity *= _GROWTH

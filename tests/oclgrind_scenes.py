@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from mbinterval.scene.model import (
 )
 from mbinterval.scene.tracks import Track
 
-SIZE = (13, 9)
+SIZE = (9, 7)
 LENS = {"focal_length": 50.0, "vertical_aperture": 50.0, "f_stop": 0.5, "focus_distance": 2.0}
 
 
@@ -304,15 +305,14 @@ def with_cube_maps(motion: object, exposure: object, plan: object) -> object:
     from mbinterval.reflections import add_cube_maps
     from mbinterval.scene.exposure import reflecting
 
-    cube_maps._DIRECTIONS = (2, 2)
     pictures = [
         np.random.default_rng(5).uniform(0, 1, (2, 6, 17, 17, 3)) for _ in reflecting(exposure)
     ]
     if "cube_map" not in plan.stages:
         return motion
-    return add_cube_maps(
-        motion, exposure, plan, cube_maps.gather(runtime(), exposure.environment, pictures)
-    )
+    with patch.object(cube_maps, "_DIRECTIONS", (2, 2)):
+        maps = cube_maps.gather(runtime(), exposure.environment, pictures)
+    return add_cube_maps(motion, exposure, plan, maps)
 
 
 def plan_of(small: Small) -> tuple[object, object, object]:

@@ -1,16 +1,30 @@
 """A small study for the tests of reports."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import mbinterval as mb
 from mbinterval.bench_cases import make_case
 from mbinterval.study.judge import Truth
 from mbinterval.study.reference import Reference
 from mbinterval.study.run import study
+from mbinterval.study.sweeps import SWEEPS as ALL
 
 SWEEPS = ("samples", "five-point", "samples-published", "occlusion", "stochastic-sobol", "slices")
+
+
+@contextmanager
+def fewer_rows() -> Iterator[None]:
+    """Sweeps have every second of their rows: most are a kernel to build."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, sweep in ALL.items():
+            patch.setitem(ALL, name, replace(sweep, rows=dict(list(sweep.rows.items())[::2])))
+        yield
 
 
 def small_study(folder: Path, **options):
@@ -34,4 +48,5 @@ def small_study(folder: Path, **options):
         ],
         centres=[Reference(centres, "slices=512", "accumulation", 2, 1.0)],
     )
-    return study(case, truth, folder=folder, **{"sweeps": SWEEPS, "rounds": 1, **options})
+    with fewer_rows():
+        return study(case, truth, folder=folder, **{"sweeps": SWEEPS, "rounds": 1, **options})

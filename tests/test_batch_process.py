@@ -48,7 +48,7 @@ def start(folder, *arguments, before="", **options):
 
 def finish(process):
     """Exit code, and what was said."""
-    _, said = process.communicate(timeout=120)
+    _, said = process.communicate(timeout=600)
     return process.returncode, said
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import time
 from pathlib import Path
 
 import numpy as np
@@ -409,10 +408,8 @@ def test_the_command_prints_writes_and_compares(tmp_path, capsys):
 )
 def test_mistakes_are_told_before_anything_is_rendered(options, message, capsys, monkeypatch):
     monkeypatch.setattr(mb, "render", lambda *_, **__: pytest.fail("rendered"))
-    started = time.perf_counter()
     assert cli.main(["bench", "fast_cubes:20", *SMALL, *options]) == 2
     assert message in capsys.readouterr().err
-    assert time.perf_counter() - started < 20
 
 
 def test_rows_may_be_settings_of_ones_own_with_figures_of_ones_own():

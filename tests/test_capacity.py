@@ -161,9 +161,9 @@ def test_capacity_errors_have_an_exit_code_of_their_own():
     assert CapacityError.exit_code == 5
 
 
-def big(name: str, times: int = 1, **fields: Any) -> Mesh:
-    """A mesh that claims 100,000 faces over 100 vertices."""
-    faces = np.broadcast_to(np.array([[0, 1, 2]], np.int32), (100_000, 3))
+def big(name: str, times: int = 1, count: int = 100_000, **fields: Any) -> Mesh:
+    """A mesh that claims ``count`` faces over 100 vertices."""
+    faces = np.broadcast_to(np.array([[0, 1, 2]], np.int32), (count, 3))
     positions = np.random.default_rng(0).uniform(-1, 1, (times, 100, 3))
     return Mesh(positions=positions, faces=faces, shading="unlit", name=name, **fields)
 
@@ -183,10 +183,11 @@ def test_what_stands_still_has_no_segments_to_refuse():
 
 
 def test_a_scene_beyond_32_bits_names_its_largest_mesh(monkeypatch):
-    monkeypatch.setattr(records, "MOST_PATHS", 450_000)
-    parts = [big("dust"), big("swarm", 2, motion_segments=2), big("rock", 2)]
+    monkeypatch.setattr(records, "MOST_PATHS", 4500)
+    swarm = big("swarm", 2, 1000, motion_segments=2)
+    parts = [big("dust", 1, 1000), swarm, big("rock", 2, 1000)]
     mb.render(Scene(meshes=parts, camera=UNIT_CAMERA), width=8, height=8)  # just fits
-    crowd = Scene(meshes=[*parts, big("more")], camera=UNIT_CAMERA)
-    expected = r"500000 motion paths and 700 vertices, 200000 and 300 of them of mesh 'swarm'"
+    crowd = Scene(meshes=[*parts, big("more", 1, 1000)], camera=UNIT_CAMERA)
+    expected = r"5000 motion paths and 700 vertices, 2000 and 300 of them of mesh 'swarm'"
     with pytest.raises(CapacityError, match=expected):
         mb.render(crowd, width=8, height=8)

@@ -43,7 +43,8 @@ def test_a_study_leaves_a_report_and_goes_on(tmp_path, capsys):
 
 
 def test_ctrl_c_leaves_a_report_of_what_was_done(tmp_path):
-    command = [sys.executable, "-m", "mbinterval", "study", CUBES, *SMALL, "-o", str(tmp_path)]
+    options = [CUBES, *SMALL, "--sweeps", "five-point,pairing,samples", "-o", str(tmp_path)]
+    command = [sys.executable, "-m", "mbinterval", "study", *options]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ)
     try:
         stored = tmp_path / "study.json"
@@ -52,12 +53,12 @@ def test_ctrl_c_leaves_a_report_of_what_was_done(tmp_path):
                 break
             time.sleep(0.1)
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=600)
     finally:
         process.kill()
     assert process.returncode == 130
     assert "stopped; the same command goes on from here" in err
-    assert "stopped before its end" in (tmp_path / "report.html").read_text()
+    assert "stopped before its end" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

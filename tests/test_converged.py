@@ -137,7 +137,7 @@ def test_the_fingerprint_changes_with_all_that_matters(tmp_path, monkeypatch):
     root = reference.kernel_root()
     shutil.copytree(root, tmp_path / "cl")
     kernel = next((tmp_path / "cl").rglob("*.h"))
-    kernel.write_text(kernel.read_text() + "\n")
+    kernel.write_bytes(kernel.read_bytes() + b"\n")
     monkeypatch.setattr(reference, "kernel_root", lambda: tmp_path / "cl")
     others.append(fingerprint(case, NOISY))
     assert len({first, *others}) == len(others) + 1

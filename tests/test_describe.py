@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from itertools import product
 
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA, rectangle, world
 from kernels import plan_of
+from nightly import nightly
 from test_plan import SIZE, UV, WAYS, mesh
 
 import mbinterval as mb
@@ -142,8 +144,13 @@ GROUPS = {
 FIVE_POINT = {"filter": "five_point", "samples": 1}
 
 
-@pytest.mark.parametrize("way", [*WAYS.values(), FIVE_POINT])
-@pytest.mark.parametrize("tall", [False, True])
+@pytest.mark.parametrize(
+    ("tall", "way"),
+    [
+        nightly(*case) if number % 2 else case
+        for number, case in enumerate(product([False, True], [*WAYS.values(), FIVE_POINT]))
+    ],
+)
 def test_the_memory_that_is_told_is_the_memory_that_is_taken(way, tall, monkeypatch):
     """Buffers are counted as the render asks the device for them, by their names."""
     taken: dict[str, int] = {}

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA, rectangle, slab, world
+from nightly import nightly
 
 import mbinterval as mb
 from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
@@ -75,8 +76,11 @@ def test_two_runs_give_the_same_bytes(way):
     assert contents(other) != contents(whole(way))
 
 
-@pytest.mark.parametrize("tile", [8, 16, 32])
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    ("way", "tile"),
+    [("triangulated", 32), ("exact", 8), ("exact, masked", 32),
+     nightly("triangulated", 8), nightly("exact", 32), nightly("exact, masked", 8)],
+)  # fmt: skip
 def test_tiles_of_any_size_give_the_same_bytes(way, tile):
     assert contents(film(way, tile_size=tile)) == contents(whole(way))
 
@@ -107,7 +111,7 @@ def hashes(threads: int) -> list[str]:
     run = subprocess.run(
         [sys.executable, "-c", THREADS],
         env=os.environ | {"POCL_MAX_PTHREAD_COUNT": str(threads), "PYTHONPATH": path},
-        capture_output=True, text=True, timeout=300, check=False,
+        capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
     return run.stdout.split()

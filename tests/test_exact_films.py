@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from reference.render import Image, render
 from reference.stacks import render_stacks
-from test_twin_agreement import CASES, CROPS, FOLDER, LIGHTS, MOVING_CAMERA, everything, late
+from test_twin_agreement import CASES, CROPS, LIGHTS, MOVING_CAMERA, everything, late
 
 import mbinterval as mb
 from mbinterval.sampling import fixed_pattern
@@ -133,14 +133,12 @@ def test_shipped_scenes_agree_with_the_exact_twin(name):
     assert np.abs(error).max() < 1e-3
 
 
-if FOLDER.is_dir():
-
-    @pytest.mark.parametrize("name", CROPS)
-    def test_crops_of_the_benchmark_agree_with_the_exact_twin(name):
-        scene, *size = read_benchmark(FOLDER / f"{name}.npz")
-        settings = mb.Settings(samples=1, texture_samples=16)
-        crop = CROPS[name]
-        film = mb.render(scene, width=size[0], height=size[1], settings=settings, crop=crop)
-        error = film.rgba - twin(exposed(scene, settings, tuple(size)), settings, size, crop).rgba
-        assert rms(error) < 1e-5
-        assert np.abs(error).max() < 1e-3
+@pytest.mark.parametrize("name", CROPS)
+def test_crops_of_the_benchmark_agree_with_the_exact_twin(name, shared_file):
+    scene, *size = read_benchmark(shared_file(f"benchmark/{name}.npz"))
+    settings = mb.Settings(samples=1, texture_samples=16)
+    crop = CROPS[name]
+    film = mb.render(scene, width=size[0], height=size[1], settings=settings, crop=crop)
+    error = film.rgba - twin(exposed(scene, settings, tuple(size)), settings, size, crop).rgba
+    assert rms(error) < 1e-5
+    assert np.abs(error).max() < 1e-3

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA
 from mirror_rays import Surface, sampled, scene
+from nightly import nightly
 from test_mirrors import LIGHTS, flying, mirror, plane, rms
 from test_stochastic_agreement import welch
 
@@ -167,12 +168,12 @@ def test_what_culling_leaves_out_is_never_seen(of):
     assert best.tobytes() == all_tested.tobytes()
 
 
-def test_tiles_and_their_lists_do_not_matter():
+@pytest.mark.parametrize("tile", [8, nightly(32)])
+def test_tiles_and_their_lists_do_not_matter(tile):
     """What bounds sheared paths on screen leaves none out."""
     made = scene([replace(s, lit=False) for s in before_a_tilted_mirror(0.6)])
     whole = film(made, (64, 48))
-    for tile in (8, 32):
-        assert film(made, (64, 48), tile_size=tile).tobytes() == whole.tobytes()
+    assert film(made, (64, 48), tile_size=tile).tobytes() == whole.tobytes()
 
 
 def test_a_mirror_without_shear_is_no_glossy_one():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -20,33 +19,37 @@ from mbinterval.scene.shutter_times import Window
 from mbinterval.scene.tracks import Transform
 
 FOX = Path(__file__).parents[1] / "scenes" / "assets" / "Fox.glb"
-ASSETS = os.environ.get("MB_ASSETS")
 HALF = np.sqrt(0.5)
 GRID = np.random.default_rng(7).uniform(-1, 1, (60, 3))
 FACES = np.arange(60).reshape(20, 3)
 
 
-def evaluated(path, seconds, clip=None):
+def placed(meshes, seconds):
     """World positions of every mesh at ``seconds``; frames are seconds."""
-    moment = np.array([0.0])
+    window, moment = Window(seconds, 0.0, 1.0), np.array([0.0])
+    return [world_positions(mesh, window, moment)[0] for mesh in meshes]
+
+
+def evaluated(path, seconds, clip=None):
+    return placed(read_gltf(path, 1.0, clip).meshes, seconds)
+
+
+def assert_like_vtk(path, *times, clip=0, tolerance=1e-6):
     meshes = read_gltf(path, 1.0, clip).meshes
-    return [world_positions(mesh, Window(seconds, 0.0, 1.0), moment)[0] for mesh in meshes]
-
-
-def assert_like_vtk(path, seconds, clip=0, tolerance=1e-6):
-    ours, theirs = (
-        sorted(found, key=lambda points: (len(points), float(points.sum())))
-        for found in (evaluated(path, seconds, clip), vtk_positions(path, seconds, clip))
-    )
-    assert [len(points) for points in ours] == [len(points) for points in theirs]
-    for mine, other in zip(ours, theirs, strict=True):
-        np.testing.assert_allclose(mine, other, atol=tolerance * np.ptp(other))
+    for seconds in times:
+        ours, theirs = (
+            sorted(found, key=lambda points: (len(points), float(points.sum())))
+            for found in (placed(meshes, seconds), vtk_positions(path, seconds, clip))
+        )
+        assert [len(points) for points in ours] == [len(points) for points in theirs]
+        for mine, other in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(mine, other, atol=tolerance * np.ptp(other))
 
 
 @pytest.mark.parametrize("clip", [0, 1, 2])
 @pytest.mark.parametrize("seconds", [0.0, 0.137, 0.61, 9.0])
 def test_the_fox_moves_as_vtk_has_it(clip, seconds):
-    assert_like_vtk(FOX, seconds, clip)
+    assert_like_vtk(FOX, seconds, clip=clip)
 
 
 def test_the_comparison_with_vtk_tells_a_hundredth_of_a_second():
@@ -56,7 +59,6 @@ def test_the_comparison_with_vtk_tells_a_hundredth_of_a_second():
         )
 
 
-@pytest.mark.skipif(not ASSETS, reason="MB_ASSETS names no folder of larger test models")
 @pytest.mark.parametrize(
     ("name", "clips", "tolerance"),
     [
@@ -68,10 +70,10 @@ def test_the_comparison_with_vtk_tells_a_hundredth_of_a_second():
         ("simple_skin/SimpleSkin.gltf", [0], 1e-4),  # its quaternions have lengths of 1 + 1e-4
     ],
 )
-def test_other_models_move_as_vtk_has_them(name, clips, tolerance):
+def test_other_models_move_as_vtk_has_them(name, clips, tolerance, shared_file):
+    path = shared_file(f"assets/{name}")
     for clip in clips:
-        for seconds in (0.0, 0.137, 0.61, 2.3):
-            assert_like_vtk(Path(str(ASSETS)) / name, seconds, clip, tolerance)
+        assert_like_vtk(path, 0.0, 0.137, 0.61, 2.3, clip=clip, tolerance=tolerance)
 
 
 def skinned(gltf, sets=1, code="f", **more):

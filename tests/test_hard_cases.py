@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from closed_forms import FACES, UNIT_CAMERA, overlap, rectangle, slab, slab_times, world
 from kernels import run
+from nightly import nightly
 from reference import rational
 from reference.render import render as twin
 
@@ -408,10 +409,11 @@ def test_denormal_vertices_are_as_good_as_zero():
     assert np.abs(films[0] - film(whole, "exact").rgba).max() > 0.1
 
 
-def test_depths_cross_where_exact_fractions_say_with_roots_at_the_ends_too():
+@pytest.mark.parametrize("seed", [3, nightly(4), nightly(5)])
+def test_depths_cross_where_exact_fractions_say_with_roots_at_the_ends_too(seed):
     """Quintics with small whole coefficients, many of them 0: the sign changes in (0, 1)."""
-    rng = np.random.default_rng(3)
-    coefficients = rng.integers(-3, 4, (1500, 6)).astype(float)
+    rng = np.random.default_rng(seed)
+    coefficients = rng.integers(-3, 4, (500, 6)).astype(float)
     coefficients[::5, 0] = 0.0
     coefficients[::7, 5] = 0.0
     count = np.uint32(len(coefficients))
@@ -423,7 +425,7 @@ def test_depths_cross_where_exact_fractions_say_with_roots_at_the_ends_too():
         assert number == len(want), b
         assert np.abs(found[:number] - want).max(initial=0.0) < 2e-9, b
         total += number
-    assert total > 1000
+    assert total > 300
 
 
 def sign_changes_inside(b: list[Fraction]) -> list[float]:

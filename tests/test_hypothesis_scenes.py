@@ -18,7 +18,7 @@ import mbinterval as mb
 from mbinterval.errors import SceneError, UsageError
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 
-EXAMPLES = int(os.environ.get("MB_EXAMPLES", "60"))
+EXAMPLES = int(os.environ.get("MB_EXAMPLES", "40"))
 SIZE = (9, 7)
 LENS = {"f_stop": 1.0, "focal_length": 50.0}
 ROLL = {"line_offset": 0.004, "line_exposure": 0.01}

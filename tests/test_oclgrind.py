@@ -68,7 +68,7 @@ def checked(python: str, folder: Path, *command: str, reads: bool = True) -> tup
     if reads:
         environment["OCLGRIND_UNINITIALIZED"] = "1"
     done = subprocess.run(
-        [python, *command], env=environment, capture_output=True, text=True, timeout=300,
+        [python, *command], env=environment, capture_output=True, text=True, timeout=600,
         check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

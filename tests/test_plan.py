@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-import os
 
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA, rectangle, world
-from kernels import plan_of
+from kernels import builds_without, built, plan_of, warns
 
 import mbinterval as mb
 from mbinterval.aovs import AOVS, RECORDED
-from mbinterval.device.runtime import runtime
-from mbinterval.errors import KernelBuildError, UsageError
+from mbinterval.errors import UsageError
 from mbinterval.plan import Plan, check_crop
 from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
 from mbinterval.scene.tracks import Track
@@ -135,19 +133,6 @@ def test_a_films_timings_are_of_the_stages_that_ran(way):
         stages = plan_of(scene, settings, *SIZE)[2].stages
         assert [name for name in film.timings if name != "expose"] == list(stages)
         assert all(seconds >= 0 for seconds in film.timings.values())
-
-
-def builds_without(of: Plan, names: tuple[str, ...], after: str) -> bool:
-    """Whether the tile kernel of a plan builds when ``names`` must not be used past ``after``."""
-    forbidden = f'#include "{after}"\n#pragma GCC poison {" ".join(names)}\n'
-    source = forbidden + '#include "analytic/tile.cl"\n'
-    try:
-        runtime()._build(source, "analytic/tile.cl", of.options)
-    except KernelBuildError as error:
-        if "poisoned" not in str(error):
-            raise
-        return False
-    return True
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -432,23 +417,15 @@ BUILT = {
     [(name, way) for name in BUILT for way in WAYS if way == "exact" or name not in ONLY_EXACT],
 )
 def test_kernels_build_without_a_warning(name, way, caplog):
-    import pyopencl as cl
-
     scene, settings = BUILT[name]
     if way == "triangulated":
         settings = settings | {"pairing": "depth", "max_intervals": 90}
     options = plan_of(scene, mb.Settings(**(WAYS[way] | settings)), *SIZE)[2].options
-    device = runtime()
-    fresh = f"-DNOT_IN_ANY_CACHE={os.getpid()}"  # what comes from a cache has no log
     others = ("analytic/paths.cl", "analytic/bin.cl") if name == "flat" else ()
-    for file in ("analytic/tile.cl", *others):
-        program = device._build(f'#include "{file}"\n', file, (*options, fresh))
-        log = program.get_build_info(device.device, cl.program_build_info.LOG)
-        assert "warning" not in log.lower()
+    assert not any(warns(file, options) for file in ("analytic/tile.cl", *others))
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
 
 
 def test_a_warning_of_the_compiler_is_logged(caplog):
-    source = f"#warning {os.getpid()}\nkernel void f(global int *p) {{ p[0] = 1; }}"
-    runtime()._build(source, "warned.cl", ())
+    built("#warning so\nkernel void f(global int *p) { p[0] = 1; }", "warned.cl", ())
     assert "warned.cl" in caplog.text

@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -95,10 +96,25 @@ def test_an_error_that_is_asked_for_is_reached_and_measured():
     )
 
 
-def test_a_time_that_is_asked_for_is_used():
+@pytest.fixture
+def few(monkeypatch):
+    """Fewer methods to choose from: each count of each is a kernel to build."""
+    named = ("exact", "published", "stochastic sobol")
+    chosen = tuple(one for one in CANDIDATES if one.name in named)
+    monkeypatch.setattr(module, "CANDIDATES", chosen)
+
+
+def seconds_of_a_render(case):
+    started = time.perf_counter()
+    mb.render(case.scene, width=64, height=48, settings=mb.Settings(samples=4))
+    return time.perf_counter() - started
+
+
+def test_a_time_that_is_asked_for_is_used(few):
     case = make_case("fast_cubes:60", width=64, height=48)
-    best = recommend(case, seconds=0.5)[0]
-    assert best.reached == (best.seconds <= 0.5)
+    seconds = 100 * min(seconds_of_a_render(case) for _ in range(3))
+    best = recommend(case, seconds=seconds)[0]
+    assert best.reached == (best.seconds <= seconds)
     assert best.error < 0.01
 
 
@@ -146,7 +162,7 @@ def test_another_method_is_taken_where_one_does_not_keep_what_it_promised():
     assert best.seconds <= 3.0
 
 
-def test_the_command_prints_what_can_be_run(capsys):
+def test_the_command_prints_what_can_be_run(few, capsys):
     code = cli.main(["recommend", str(CUBES), "--frame", "3", *SIZE, "--error", "0.01"])
     out = capsys.readouterr().out
     assert code == 0
@@ -156,7 +172,7 @@ def test_the_command_prints_what_can_be_run(capsys):
     assert "measured RMSE" in out
 
 
-def test_what_is_out_of_reach_is_said(capsys):
+def test_what_is_out_of_reach_is_said(few, capsys):
     code = cli.main(["recommend", str(CUBES), *SIZE, "--time", "1e-6"])
     assert code == 1
     assert "no method is predicted to reach 1e-06 s" in capsys.readouterr().err
@@ -168,7 +184,7 @@ def test_one_wish_at_a_time(given):
         recommend(make_case("fast_cubes:5", width=16, height=12), **given)
 
 
-def test_methods_that_a_scene_does_not_allow_are_left_out():
+def test_methods_that_a_scene_does_not_allow_are_left_out(few):
     case = make_case("fast_cubes:20", width=32, height=24)
     camera = mb.Camera(position=(0, 0, 16), fov=40.0, f_stop=2.0, focus_distance=16.0)
     lens = dataclasses.replace(case, scene=dataclasses.replace(case.scene, camera=camera))

@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA
+from kernels import builds_without
+from nightly import nightly
 from oclgrind_scenes import LENS, ROLL, SCENES, colorful, seen_through, triangles
 from shadow_scenes import AMBIENT, CAMERA, LAMP, plate
-from test_plan import builds_without, mesh, plan
+from test_plan import mesh, plan
 
 import mbinterval as mb
-from mbinterval import record
+from mbinterval import record, tiles
 from mbinterval.aovs import RECORDED
 from mbinterval.device import records
 from mbinterval.errors import CapacityError
 from mbinterval.scene.model import Camera, Light, Scene, Shutter
+from mbinterval.tiles import EVENTS_FULL
 
 SIZE = (40, 24)
 LIGHTS = (Light("ambient", intensity=0.3), Light("directional", direction=(0, -1, -1)))
@@ -68,7 +71,9 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    "way", [nightly(way) if way in ("mask", "shadows, nothing moves") else way for way in WAYS]
+)
 def test_what_spans_add_is_the_films_colour_and_alpha(way):
     meshes, settings, scene = WAYS[way]
     found = film(meshes(), **scene, **settings)
@@ -115,21 +120,25 @@ def test_spans_in_parts_leave_the_others_and_the_film_as_they_are(way):
         assert np.abs(seen[0] - seen[1]).max() < 1e-5
 
 
-def test_pools_tiles_and_crops_of_any_size_give_the_same(monkeypatch, caplog):
-    caplog.set_level("INFO")
+@pytest.mark.parametrize("size", [8, nightly(32)])
+def test_two_films_and_tiles_of_any_size_give_the_same(size):
+    want = everything(film(seen_through(), **WHOLE))
+    assert everything(film(seen_through(), **WHOLE)) == want
+    assert everything(film(seen_through(), **WHOLE, tile_size=size)) == want
+
+
+def test_pools_and_crops_of_any_size_give_the_same(monkeypatch):
     want = film(seen_through(), **WHOLE)
-    assert everything(want) == everything(film(seen_through(), **WHOLE))
-    for size in (8, 32):
-        assert everything(film(seen_through(), **WHOLE, tile_size=size)) == everything(want)
     grown = []
     real = record.Recorder.make_room
     monkeypatch.setattr(record, "_MOST", 64)
     monkeypatch.setattr(record, "_LEAST", 64)
-    monkeypatch.setattr(
-        record.Recorder,
-        "make_room",
-        lambda self, fitted: (grown.append(fitted), real(self, fitted)),
-    )
+
+    def noting(self, some_fitted, alone):
+        grown.append(some_fitted)
+        return real(self, some_fitted, alone)
+
+    monkeypatch.setattr(record.Recorder, "make_room", noting)
     assert everything(film(seen_through(), **WHOLE)) == everything(want)
     assert False in grown  # it grew
     assert True in grown  # and tiles were done again in what it was
@@ -157,6 +166,30 @@ def test_a_pool_that_cannot_grow_is_used_again_and_a_tile_that_has_no_room_is_re
         CapacityError, match=r"spans of a tile .* crypto_object, .* smaller tile_size"
     ):
         film(seen_through(), **NO_TIMES)
+
+
+def test_tiles_that_keep_each_other_from_a_pool_that_cannot_grow_are_rendered_alone(monkeypatch):
+    most = len(film(seen_through(), **WHOLE).events)
+    want = film(seen_through(), **NO_TIMES)
+    allocate, drain, at_once = tiles._allocate_pools, record.Recorder.drain, []
+
+    def noting(work, capacity, workers):
+        at_once.append(workers)
+        allocate(work, capacity, workers)
+
+    def starved(self, of):  # as if no tile that is rendered with others had found room
+        if at_once[-1] > 1:
+            work = self._work
+            work.runtime.fill(work.buffers["failed"], work.buffers["failed"].size, EVENTS_FULL)
+        return drain(self, of)
+
+    monkeypatch.setattr(tiles, "_allocate_pools", noting)
+    monkeypatch.setattr(record.Recorder, "drain", starved)
+    monkeypatch.setattr(record, "memory_room", lambda work, besides=(): 0)
+    monkeypatch.setattr(record, "_LEAST", most)
+    monkeypatch.setattr(record, "_MOST", most)
+    assert everything(film(seen_through(), **NO_TIMES)) == everything(want)
+    assert at_once[-1] == 1
 
 
 def test_events_beyond_the_memory_that_is_allowed_are_refused_with_what_they_take():

@@ -79,7 +79,7 @@ def test_the_device_lays_a_record_out_as_the_host_does(name, tmp_path):
 def test_every_record_of_the_header_has_a_dtype():
     from mbinterval.device.sources import kernel_root
 
-    header = (kernel_root() / "shared" / "records.h").read_text()
+    header = (kernel_root() / "shared" / "records.h").read_text(encoding="utf-8")
     declared = {line[2:-1] for line in header.splitlines() if line.startswith("} ")}
     assert declared == set(BY_NAME)
 

@@ -197,10 +197,10 @@ def spinning() -> Scene:
 
 @lru_cache
 def converged() -> np.ndarray:
-    """The twin's 1,600 samples per pixel, in a part of the frame."""
-    line = (np.arange(40) + 0.5) / 40
+    """The twin's 900 samples per pixel, in a part of the frame."""
+    line = (np.arange(30) + 0.5) / 30
     lattice = np.stack(np.meshgrid(line, line), -1).reshape(-1, 2)
-    lattice[:, 0] += (np.arange(1600) // 40 - 19.5) / 1600  # no two in one column
+    lattice[:, 0] += (np.arange(900) // 30 - 14.5) / 900  # no two in one column
     return twin(expose(spinning(), 1.0, 1.0), 32, 32, lattice, CROP, paths="exact").rgba
 
 

@@ -1,12 +1,9 @@
-"""The models and benchmarks that lie beside a checkout of the maintainers.
+"""Models and benchmarks of ../shared, which are no part of the repository: each is read, and seen.
 
-Extra: they are not part of the repository, so these tests exist only where the files do. What they
-check is covered by files that the other tests make.
+What they check is covered by files that the other tests make.
 """
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,38 +12,65 @@ import mbinterval as mb
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.load import load
 
-SHARED = Path(__file__).parents[2] / "shared"
-KINDS = (".glb", ".gltf", ".obj", ".ply", ".usd", ".usda", ".usdc", ".usdz")
-REFUSED = {"computeAtTime.usda": "holds no mesh, only Cube"}
-FRAMES = {"blendshapes.usda": 20.0}  # a flat mesh, seen edge-on until it turns
-MODELS = sorted(p for p in SHARED.glob("assets/*/*") if p.suffix in KINDS)
-BENCHMARKS = sorted(p for p in SHARED.glob("benchmark/*.npz") if "reference" not in p.name)
+MODELS = (
+    "animated_morph_cube/AnimatedMorphCube.gltf",
+    "animated_morph_sphere/AnimatedMorphSphere.gltf",
+    "cesium_milk_truck/CesiumMilkTruck.glb",
+    "flight_helmet/FlightHelmet.gltf",
+    "fox/Fox.glb",
+    "godot_robot/robot.glb",
+    "mannequiny/mannequiny.glb",
+    "simple_skin/SimpleSkin.gltf",
+    "spot/spot.obj",
+    "suzanne/suzanne.obj",
+    "teapot/teapot.obj",
+    "usd_animatedcube/AnimatedCube.usdz",
+    "usd_boxanimated/BoxAnimated.usdz",
+    "usd_chess_bishop/Bishop_geom.ply",
+    "usd_chess_bishop/Bishop_geom.usd",
+    "usd_chess_knight/Knight_geom.ply",
+    "usd_chess_knight/Knight_geom.usd",
+    "usd_chess_pawn/Pawn_geom.ply",
+    "usd_chess_pawn/Pawn_geom.usd",
+    "usd_chess_queen/Queen_geom.ply",
+    "usd_chess_queen/Queen_geom.usd",
+    "usd_fancy_teapot/FancyTeapot.ply",
+    "usd_fancy_teapot/FancyTeapot.usd",
+    "usd_interpolationtest/InterpolationTest.usdz",
+    "usd_openusd_blendshapes/blendshapes.usda",
+    "usd_openusd_velocities/computeAtTime.usda",
+    "usd_riggedfigure/RiggedFigure.usdz",
+    "usd_riggedsimple/RiggedSimple.usdz",
+    "usd_spinning_pyramids/Creases_SpinningPyramids.usda",
+    "usd_utah_teapot/UtahTeapot.usd",
+)
+REFUSED = {"usd_openusd_velocities/computeAtTime.usda": "holds no mesh, only Cube"}
+FRAMES = {"usd_openusd_blendshapes/blendshapes.usda": 20.0}  # flat, and edge-on until it turns
 
-if MODELS:
 
-    @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.name)
-    def test_model(path):
-        """Every model is rendered as ``mbinterval render MODEL`` would, or says why not."""
-        if path.name in REFUSED:
-            with pytest.raises(mb.SceneError, match=REFUSED[path.name]):
-                mb.load(path)
-            return
-        scene = mb.load(path)
-        frame = FRAMES.get(path.name, 3.0)
-        exposure = expose(scene, frame, 4 / 3)
-        assert exposure.meshes
-        assert any(np.ptp(mesh.positions) > 0 for mesh in exposure.meshes)
-        film = mb.render(scene, frame=frame, width=64, height=48, settings=mb.Settings(samples=1))
-        assert np.isfinite(film.rgba).all()
-        assert film.rgba[..., 3].max() > 0.0
+@pytest.mark.parametrize("name", MODELS)
+def test_model(name, shared_file):
+    """Every model is rendered as ``mbinterval render MODEL`` would, or says why not."""
+    path = shared_file(f"assets/{name}")
+    if name in REFUSED:
+        with pytest.raises(mb.SceneError, match=REFUSED[name]):
+            mb.load(path)
+        return
+    scene = mb.load(path)
+    frame = FRAMES.get(name, 3.0)
+    exposure = expose(scene, frame, 4 / 3)
+    assert exposure.meshes
+    assert any(np.ptp(mesh.positions) > 0 for mesh in exposure.meshes)
+    film = mb.render(scene, frame=frame, width=64, height=48, settings=mb.Settings(samples=1))
+    assert np.isfinite(film.rgba).all()
+    assert film.rgba[..., 3].max() > 0.0
 
 
-if BENCHMARKS:
-
-    @pytest.mark.parametrize("path", BENCHMARKS, ids=lambda path: path.name)
-    def test_benchmark(path):
-        (mesh,) = expose(load(path), 0.0, 4 / 3).meshes
-        with np.load(path) as stored:
-            np.testing.assert_array_equal(mesh.positions[0], stored["V0"])
-            np.testing.assert_array_equal(mesh.positions[1], stored["V1"])
-            np.testing.assert_array_equal(mesh.face_color, stored["C"])
+@pytest.mark.parametrize("name", ["cubes1000", "cubes2000", "sphere82k", "wheel"])
+def test_benchmark(name, shared_file):
+    path = shared_file(f"benchmark/{name}.npz")
+    (mesh,) = expose(load(path), 0.0, 4 / 3).meshes
+    with np.load(path) as stored:
+        np.testing.assert_array_equal(mesh.positions[0], stored["V0"])
+        np.testing.assert_array_equal(mesh.positions[1], stored["V1"])
+        np.testing.assert_array_equal(mesh.face_color, stored["C"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import sys
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from mbinterval.scene.model import Scene, Shutter
 from mbinterval.scene.shutter_times import Window
 from mbinterval.scene.usd import read_usd
 
-ASSETS = os.environ.get("MB_ASSETS")
 QUAD = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
 
 
@@ -543,7 +541,6 @@ def test_in_betweens_of_blend_shapes_are_passed_through(tmp_path):
     np.testing.assert_allclose([offset[0] for offset in moved], 0.0)
 
 
-@pytest.mark.skipif(not ASSETS, reason="MB_ASSETS names no folder of larger test models")
 @pytest.mark.parametrize(
     ("name", "mesh"),
     [
@@ -551,8 +548,8 @@ def test_in_betweens_of_blend_shapes_are_passed_through(tmp_path):
         ("usd_riggedsimple/RiggedSimple.usdz", "Cylinder_2"),
     ],
 )
-def test_rigged_models_are_as_usd_bakes_them(name, mesh):
-    path = Path(str(ASSETS)) / name
+def test_rigged_models_are_as_usd_bakes_them(name, mesh, shared_file):
+    path = shared_file(f"assets/{name}")
     (found,) = (item for item in read_usd(path).meshes if item.name == mesh)
     codes = found.deformer.skin.joints.skeleton.GetAnimQuery().GetJointTransformTimeSamples()
     for code in codes[:: max(len(codes) // 5, 1)]:
@@ -561,9 +558,8 @@ def test_rigged_models_are_as_usd_bakes_them(name, mesh):
         assert distance.max() < 1e-5 * np.ptp(theirs)
 
 
-@pytest.mark.skipif(not ASSETS, reason="MB_ASSETS names no folder of larger test models")
-def test_blend_shapes_are_the_ground_truth_of_their_file():
-    path = Path(str(ASSETS)) / "usd_openusd_blendshapes" / "blendshapes.usda"
+def test_blend_shapes_are_the_ground_truth_of_their_file(shared_file):
+    path = shared_file("assets/usd_openusd_blendshapes/blendshapes.usda")
     truth, found = read_usd(path).meshes
     for frame in range(1, 131, 7):
         ours, theirs = (places(mesh, float(frame)) for mesh in (found, truth))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from kernels import plan_of
+from nightly import nightly
 from shadow_scenes import AMBIENT, CASES, LAMP, SUN, plate, scene
 
 import mbinterval as mb
@@ -27,7 +28,7 @@ def error(of: Scene, truth: np.ndarray, size: int, strata: int, **values: object
     return float(np.sqrt(np.mean((found - truth) ** 2)))
 
 
-@pytest.mark.parametrize("light", [SUN, LAMP], ids=["directional", "point"])
+@pytest.mark.parametrize("light", [SUN, nightly(LAMP)], ids=["directional", "point"])
 def test_finer_maps_with_more_times_come_to_the_exact_shadow(light):
     of = replace(CASES["moving caster on static receiver"](), lights=[AMBIENT, light])
     truth = film(of, samples=64, pattern="sobol")

@@ -46,7 +46,9 @@ def compiled(file: str, options: tuple[str, ...]) -> str:
     for option in options:
         name, _, value = option.removeprefix("-D").partition("=")
         preprocessor.define(f"{name} {value or 1}")
-    preprocessor.parse((kernel_root() / file).read_text(), str(kernel_root() / file))
+    preprocessor.parse(
+        (kernel_root() / file).read_text(encoding="utf-8"), str(kernel_root() / file)
+    )
     text = io.StringIO()
     preprocessor.write(text)
     assert preprocessor.return_code == 0

@@ -1,4 +1,7 @@
-"""A small render starts at once. Processor seconds of a process of its own: load does not count."""
+"""A small render starts at once: next to what else a process does, in processor seconds.
+
+Other processes don't count in those, and how fast the machine is does not in their ratios.
+"""
 
 from __future__ import annotations
 
@@ -38,13 +41,18 @@ def processor_seconds(*arguments: str, **environment: str) -> float:
     return used.ru_utime + used.ru_stime
 
 
+def importing(names: str) -> float:
+    return min(processor_seconds("-c", f"import {names}") for _ in range(3))
+
+
 def test_importing_is_quick_and_loads_nothing_large():
     code = """if True:
-        import sys, mbinterval
+        import sys, mbinterval, mbinterval.cli
         large = {"numpy", "pyopencl", "trimesh", "pydantic", "OpenEXR", "PIL"} & sys.modules.keys()
         assert not large, large
     """
-    assert min(processor_seconds("-c", code) for _ in range(3)) < 0.3
+    processor_seconds("-c", code)
+    assert importing("mbinterval, mbinterval.cli") < importing("numpy")
 
 
 def test_a_wrong_clock_would_be_noticed():
@@ -73,13 +81,14 @@ def seconds_of_a_render(tmp_path):
     return render
 
 
-def test_a_small_render_takes_a_second_with_kernels_built_and_six_without(seconds_of_a_render):
+def test_a_small_render_is_a_few_imports_and_building_kernels_is_done_once(seconds_of_a_render):
     """Other implementations than PoCL compile for longer, and may keep no kernels."""
     cold = seconds_of_a_render()
     warm = min(seconds_of_a_render() for _ in range(3))
+    imports = importing("numpy, pyopencl, OpenEXR, pydantic")
     if "Portable Computing Language" in choose_device().platform.name:
-        assert cold < 6.0
-        assert warm < 1.5
-        assert warm < 0.5 * cold  # the cache is in use
+        assert cold < 60 * imports  # 20 in 2026
+        assert warm < 6 * imports  # 2
+        assert warm < 0.5 * cold
     else:
-        assert warm < 60.0
+        assert warm < 600 * imports

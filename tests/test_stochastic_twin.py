@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from kernels import plan_of
+from nightly import nightly
 from point_samples import drawn_in_frame, twin_film
 from reference.point_samples import nearest_paths
 from test_hard_cases import CASES, SIZE
@@ -57,12 +58,15 @@ def test_every_hard_case_is_the_twins(name, lens):
 @pytest.mark.parametrize(
     ("pattern", "samples", "lens"),
     [
-        *(("sobol", 1, True), ("sobol", 7, False), ("sobol", 100, True)),
-        *(("jittered", 1, True), ("jittered", 3, False), ("jittered", 7, True)),
-        *(("jittered", 64, True), ("jittered", 100, False)),
-        *(("random", 1, False), ("random", 7, True), ("random", 100, False)),
-        *(("fixed", 1, False), ("fixed", 3, True), ("fixed", 64, False), ("fixed", 100, True)),
-        *(("interleave_uvt", 1, True), ("interleave_uvt", 7, False), ("interleave_uvt", 100, True)),
+        *(("sobol", 7, False), ("sobol", 100, True)),
+        *(("jittered", 3, False), ("jittered", 64, True)),
+        *(("random", 7, True), ("fixed", 64, False)),
+        *(("interleave_uvt", 1, True), ("interleave_uvt", 7, False)),
+        *(nightly("sobol", 1, True), nightly("interleave_uvt", 100, True)),
+        *(nightly("jittered", 1, True), nightly("jittered", 7, True)),
+        *(nightly("jittered", 100, False), nightly("random", 1, False)),
+        *(nightly("random", 100, False), nightly("fixed", 1, False)),
+        *(nightly("fixed", 3, True), nightly("fixed", 100, True)),
     ],
 )
 def test_every_pattern_and_count(pattern, samples, lens):

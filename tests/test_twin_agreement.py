@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +27,6 @@ from mbinterval.scene.exposure import Exposure, expose
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Texture
 from mbinterval.scene.tracks import Track
 
-FOLDER = Path(__file__).resolve().parents[2] / "shared" / "benchmark"
 SIZE = (48, 32)
 TIME_ERROR = 4e-6
 """Of the shutter; the greatest that the stage's own test meets is half of it."""
@@ -345,21 +343,21 @@ def test_far_from_the_origin_the_picture_is_the_same():
     assert np.array_equal(films[0].depth, films[1].depth)
 
 
-if FOLDER.is_dir():
-    # Crops over dense and fast parts of the scenes that errors are quoted against.
-    CROPS = {
-        "cubes1000": (480, 360, 48, 32),
-        "cubes2000": (500, 400, 32, 24),
-        "wheel": (360, 300, 48, 32),
-        "sphere82k": (400, 300, 24, 12),
-    }
+CROPS = {
+    "cubes1000": (480, 360, 48, 32),
+    "cubes2000": (500, 400, 32, 24),
+    "wheel": (360, 300, 48, 32),
+    "sphere82k": (400, 300, 24, 12),
+}
+"""Crops over dense and fast parts of the scenes that errors are quoted against."""
 
-    @pytest.mark.parametrize("name", CROPS)
-    def test_crops_of_the_benchmark_agree_with_the_twin(name):
-        scene, width, height = read_benchmark(FOLDER / f"{name}.npz")
-        settings = mb.Settings(paths="triangulated", occlusion=128, samples=1)
-        found = compare(scene, (width, height), settings, CROPS[name])
-        assert rms(found.error) < 1e-4
-        assert rms(found.error[~found.delicate]) < 1e-6
-        assert np.abs(found.error).max() < 3 / 128
-        assert found.film.intervals.mean() > 3
+
+@pytest.mark.parametrize("name", CROPS)
+def test_crops_of_the_benchmark_agree_with_the_twin(name, shared_file):
+    scene, width, height = read_benchmark(shared_file(f"benchmark/{name}.npz"))
+    settings = mb.Settings(paths="triangulated", occlusion=128, samples=1)
+    found = compare(scene, (width, height), settings, CROPS[name])
+    assert rms(found.error) < 1e-4
+    assert rms(found.error[~found.delicate]) < 1e-6
+    assert np.abs(found.error).max() < 3 / 128
+    assert found.film.intervals.mean() > 3
