@@ -94,7 +94,7 @@ class Programs:
         with _building:
             for key, (program, before) in list(self._compiled.items()):
                 files = self._run.files(program)
-                if files.keys() - before.keys():
+                if any(name.endswith(".so") for name in files.keys() - before.keys()):
                     self._compiled[key] = program, files
                     self._store.save(key, files)
 
