@@ -15,7 +15,7 @@ import pytest
 from closed_forms import rectangle, scene, slab
 
 import mbinterval as mb
-from mbinterval.device import choose, pocl_cpu
+from mbinterval.device import choose
 from mbinterval.device.choose import choose_device, devices
 from mbinterval.device.runtime import Runtime, runtime
 from mbinterval.errors import DeviceError, KernelBuildError
@@ -219,109 +219,6 @@ def test_uploaded_arrays_come_back_and_empty_ones_are_allowed():
     buffer = device.allocate(64)
     device.fill(buffer, 64, 7)
     assert device.download(buffer, (16,), np.int32).tolist() == [7] * 16
-
-
-# The CPU that PoCL 3.0 compiles for (mbinterval/device/pocl_cpu.py).
-
-BUILD = """
-from mbinterval.device.choose import choose_device
-from mbinterval.device.runtime import runtime
-from mbinterval.device import pocl_cpu
-from mbinterval.errors import KernelBuildError
-device = choose_device()
-print("named", pocl_cpu.name_cpu(device))
-try:
-    runtime(device).kernel("shared/scan.cl", "bin_scan")
-    print("built")
-except KernelBuildError as error:
-    print("failed", str(error).splitlines()[0])
-"""
-
-
-def is_pocl_3_0() -> bool:
-    return any("PoCL 3.0" in d.version and "DISTRO" in d.version for d in devices())
-
-
-def test_kernels_build_for_the_cpu_that_pocls_library_was_made_for(tmp_path):
-    run = python(BUILD, POCL_CACHE_DIR=str(tmp_path / "cache"))
-    assert run.returncode == 0, run.stderr
-    named, built = run.stdout.splitlines()
-    assert built == "built"
-    if is_pocl_3_0() and pocl_cpu._library_cpu():
-        assert named == f"named {pocl_cpu._library_cpu()}"
-
-
-def test_another_cpu_can_be_named_or_pocl_be_left_alone(tmp_path):
-    if not is_pocl_3_0():
-        assert python(BUILD, MBINTERVAL_POCL_CPU="x86-64").stdout.startswith("named None")
-        return
-    plain = python(BUILD, MBINTERVAL_POCL_CPU="core2", POCL_CACHE_DIR=str(tmp_path / "a"))
-    assert plain.stdout.splitlines() == ["named core2", "built"]
-    wrong = python(BUILD, MBINTERVAL_POCL_CPU="no-such-cpu", POCL_CACHE_DIR=str(tmp_path / "b"))
-    assert "named no-such-cpu" in wrong.stdout
-    assert "built" not in wrong.stdout  # the name does reach the compiler
-    alone = python(BUILD, MBINTERVAL_POCL_CPU="", POCL_CACHE_DIR=str(tmp_path / "c"))
-    named, built = alone.stdout.splitlines()
-    assert named == "named None"
-    assert built.startswith(("built", "failed device"))  # by whether LLVM 14 knows the CPU
-
-
-def test_other_versions_of_pocl_and_other_devices_are_left_alone():
-    for version in ("OpenCL 3.0 PoCL 3.1 DISTRO", "OpenCL 3.0 PoCL 3.0", "OpenCL 3.0 LINUX"):
-        platform = SimpleNamespace(version=version)
-        assert pocl_cpu.name_cpu(SimpleNamespace(platform=platform, int_ptr=0)) is None
-
-
-def test_a_record_that_does_not_look_as_expected_is_left_alone():
-    import ctypes
-
-    platform = SimpleNamespace(version="OpenCL 3.0 PoCL 3.0-rc2 DISTRO")
-    record = ctypes.create_string_buffer(4096)
-    blank = SimpleNamespace(platform=platform, int_ptr=ctypes.addressof(record))
-    assert pocl_cpu.name_cpu(blank) is None
-    unmapped = SimpleNamespace(platform=platform, int_ptr=8)
-    assert pocl_cpu.name_cpu(unmapped) is None
-    assert record.raw == bytes(4096)
-
-
-def test_the_name_is_found_beside_the_triple_and_only_there(monkeypatch):
-    import ctypes
-
-    monkeypatch.setenv("MBINTERVAL_POCL_CPU", "haswell")
-    triple = ctypes.create_string_buffer(b"x86_64-unknown-linux-gnu")
-    old = ctypes.create_string_buffer(b"generic", 64)
-    record = (ctypes.c_uint64 * 512)()
-    record[100], record[101] = ctypes.addressof(triple), ctypes.addressof(old)
-    platform = SimpleNamespace(version="OpenCL 3.0 PoCL 3.0-rc2 DISTRO")
-    device = SimpleNamespace(platform=platform, int_ptr=ctypes.addressof(record))
-    assert pocl_cpu.name_cpu(device) == "haswell"
-    assert ctypes.string_at(record[101]) == b"haswell"
-    assert [i for i, word in enumerate(record) if word] == [100, 101]
-    assert record[100] == ctypes.addressof(triple)
-
-
-@pytest.mark.parametrize(
-    ("flags", "name"),
-    [
-        ("avx512f avx512bw avx512cd avx512dq avx512vl avx2", "skylake-avx512"),
-        ("avx2 fma bmi1 bmi2 f16c abm popcnt cx16 avx512f", "haswell"),
-        ("avx popcnt cx16", "sandybridge"),
-        ("ssse3 cx16", "core2"),
-        ("sse2", None),
-    ],
-)
-def test_the_library_is_the_best_whose_instructions_the_cpu_has(flags, name, monkeypatch):
-    text = f"processor : 0\nflags\t\t: fpu {flags} nx\nflags\t\t: other\n"
-    monkeypatch.setattr(Path, "read_text", lambda self, **options: text)
-    assert pocl_cpu._library_cpu() == name
-
-
-def test_without_cpuinfo_nothing_is_named(monkeypatch):
-    def missing(self, **options):
-        raise OSError
-
-    monkeypatch.setattr(Path, "read_text", missing)
-    assert pocl_cpu._library_cpu() is None
 
 
 @pytest.mark.parametrize("method", ["analytic", "stochastic", "accumulation"])

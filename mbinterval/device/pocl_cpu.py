@@ -1,16 +1,24 @@
-"""Make PoCL 3.0 compile for the CPU that its kernel library was built for.
+"""Make PoCL 3.0 compile for the CPU that its kernel library was built for, where it does not.
 
-The PoCL 3.0 that installs with pyopencl names the CPU by asking LLVM 14, which is older than
-many CPUs in use. Two things go wrong. On a CPU that LLVM 14 does not know (AMD Zen 5, for one)
-the name is "generic", which clang refuses: no kernel builds at all. On one that it does know the
-name differs from the one that the kernel library was compiled for, and then LLVM does not inline
-the built-ins (fma, fabs, select ... cost three to ten times an operator).
+The PoCL 3.0 that installs with pyopencl asks LLVM 14, which is older than many CPUs in use, for the
+CPU's name, and compiles kernels for that. Its built-ins (fma, fabs, select ...) come from one of
+eight kernel libraries, chosen by the CPU's instructions and each compiled for a CPU of its own. The
+two may not go together:
 
-PoCL 3.1 mends both by naming the CPU after the library (pocl_get_distro_cpu_name in
-lib/CL/pocl_llvm_utils.cc). This module does the same to a loaded 3.0: it finds the CPU's name in
-the device's record by its neighbour, the target triple, and points it at the right name. Memory
-is inspected through /proc/self/mem, where a wrong guess is an error code and not a crash.
-``MBINTERVAL_POCL_CPU`` gives another LLVM CPU name; empty, it leaves PoCL alone.
+- a CPU that LLVM 14 does not know (AMD Zen 5) is "generic", for which clang compiles nothing;
+- one that it takes for a narrower CPU (AMD Zen 4, with AVX-512, for "znver3", without), or for a
+  wider one (a Xeon whose AVX-512 a hypervisor hides), passes vectors to the built-ins in other
+  registers than they take them from: LLVM aborts the process;
+- one whose name stands for fewer instructions of some kind (AMD Zen 1 to 3, Alder Lake, Rocket
+  Lake) gets built-ins that are called and not inlined, at three to ten times an operator's cost:
+  renders take 1.1 to 2 times as long, 1.25 to 1.33 in the mean of seventeen.
+
+PoCL 3.1 names the CPU after the library (pocl_get_distro_cpu_name in lib/CL/pocl_llvm_utils.cc) and
+is left alone. On these CPUs this module does the same to a loaded 3.0: it finds the CPU's name in
+the device's record by its neighbour, the target triple, and points it at the library's. Memory is
+inspected through /proc/self/mem, where a wrong guess is an error code and not a crash.
+
+``MBINTERVAL_POCL_CPU`` gives a name, which must be one that works; empty, it leaves PoCL 3.0 alone.
 """
 
 from __future__ import annotations
@@ -20,56 +28,170 @@ import itertools
 import logging
 import os
 import struct
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mbinterval.errors import DeviceError
+
 _log = logging.getLogger(__name__)
 
-_TRIPLE = b"x86_64-unknown-linux-gnu"
+SWITCH = "MBINTERVAL_POCL_CPU"
+"""Variable of the environment with LLVM's name of the CPU that PoCL 3.0 compiles for."""
+
+_TRIPLE = "x86_64-unknown-linux-gnu"
 _RECORD_BYTES = 2048
-_LIBRARIES: tuple[tuple[str, frozenset[str]], ...] = (
-    ("skylake-avx512", frozenset({"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"})),
-    ("haswell", frozenset({"avx2", "fma", "bmi1", "bmi2", "f16c", "abm", "popcnt", "cx16"})),
-    ("sandybridge", frozenset({"avx", "popcnt", "cx16"})),
-    ("core2", frozenset({"ssse3", "cx16"})),
-)
+
+
+@dataclass(frozen=True)
+class _Library:
+    """A kernel library of PoCL 3.0, named for the CPU that it was compiled for.
+
+    ``lanes`` floats fill a register, ``needs`` are flags of /proc/cpuinfo beside that, and
+    ``alike`` are CPUs of LLVM 14 for which the library's functions are inlined as well: measured.
+    """
+
+    cpu: str
+    lanes: int
+    needs: str = ""
+    alike: str = ""
+
+
+_LIBRARIES = (
+    _Library("skylake-avx512", 16,
+             alike="cascadelake cooperlake icelake-server sapphirerapids tigerlake"),
+    _Library("haswell", 8, "avx2 fma bmi1 bmi2 f16c abm popcnt cx16", "broadwell skylake"),
+    _Library("bdver1", 8, "xop fma4 popcnt cx16", "bdver2 bdver3"),
+    _Library("ivybridge", 8, "f16c popcnt cx16"),
+    _Library("sandybridge", 8),
+    _Library("penryn", 4, "sse4_1 cx16",
+             "goldmont goldmont-plus nehalem silvermont tremont westmere"),
+    _Library("core2", 4, "ssse3 cx16", "bonnell btver1"),
+    _Library("athlon64", 4, alike="amdfam10 barcelona k8 k8-sse3 opteron"),
+)  # fmt: skip
+"""The best first, as PoCL chooses."""
+
+_WIDE = {
+    16: "cannonlake icelake-client knl knm rocketlake",
+    8: "alderlake bdver4 btver2 znver1 znver2 znver3",
+}
+"""What else LLVM 14 calls CPUs with these many lanes."""
+
 _names: dict[str, ctypes.Array[ctypes.c_char]] = {}
 """Names handed to PoCL; it keeps the pointers as long as the process lives."""
+_given: dict[int, str] = {}
+"""The names that devices were given."""
 
 
 def name_cpu(device: Any) -> str | None:
-    """Give PoCL 3.0's ``device`` a CPU name that it can compile for; returns the name if set."""
+    """Give PoCL 3.0's ``device`` a CPU name that it can compile for, if its own is none.
+
+    Returns the name that was given; None where PoCL keeps its own, and for every other device.
+
+    Raises
+    ------
+    DeviceError
+        ``MBINTERVAL_POCL_CPU`` is a name that does not go with PoCL's kernel library, or is empty
+        where PoCL's own does not; or a name is needed and cannot be given.
+    """
     version = device.platform.version
     if "PoCL 3.0" not in version or "DISTRO" not in version:
         return None
-    name = os.environ.get("MBINTERVAL_POCL_CPU", _library_cpu())
-    if not name:
+    libraries = _libraries(device)
+    if not libraries:
         return None
-    try:
-        slot = _cpu_slot(device.int_ptr)
-    except OSError as error:
-        _log.debug("PoCL's device record cannot be inspected: %s", error)
+    own = device.version.partition(f"{_TRIPLE}-")[2].strip()
+    name = _chosen(own, libraries)
+    if name is not None and not _write(device.int_ptr, name):
+        if own not in _working(own, libraries):
+            raise DeviceError(
+                f"PoCL 3.0 takes this CPU for {own!r}, with which its kernel library does not go, "
+                f"and cannot be told that it is {name!r}; install a newer PoCL (Debian: "
+                "pocl-opencl-icd)"
+            )
         return None
-    if slot is None:
-        _log.debug("PoCL's device record does not look as expected; CPU name left alone")
-        return None
-    if name not in _names:
-        _names[name] = ctypes.create_string_buffer(name.encode())
-    ctypes.c_void_p.from_address(slot).value = ctypes.addressof(_names[name])
     return name
 
 
-def _library_cpu() -> str | None:
-    """Return the CPU that PoCL's best kernel library for this machine was compiled for."""
+def build_options(device: Any) -> list[str]:
+    """Options that tell kernels compiled for different names apart in PoCL's cache."""
+    name = _given.get(device.int_ptr)
+    return [f"-DPOCL_CPU={name}"] if name else []
+
+
+def _chosen(own: str, libraries: list[_Library]) -> str | None:
+    """The name to give a CPU that PoCL calls ``own``, or None where that is to stay."""
+    wanted = os.environ.get(SWITCH)
+    if wanted is None:
+        inlined = any(own in (entry.cpu, *entry.alike.split()) for entry in libraries)
+        return None if inlined else libraries[0].cpu
+    working = _working(own, libraries)
+    if (wanted or own) not in working:
+        name = (
+            f"{SWITCH}={wanted!r}, a CPU that" if wanted
+            else f"{SWITCH} is empty, and PoCL's own {own!r} for this CPU"
+        )  # fmt: skip
+        raise DeviceError(
+            f"{name} does not go with PoCL's kernel library; these do: {', '.join(working)}; unset "
+            "the variable to have the best"
+        )
+    return wanted or None
+
+
+def _libraries(device: Any) -> list[_Library]:
+    """The kernel libraries that can be the device's, and run on it, the best first.
+
+    PoCL has looked at the CPU itself, and tells how wide registers are and whether there is a
+    fused multiply-add; an emulator may leave /proc/cpuinfo as it is outside.
+    """
+    import pyopencl as cl
+
+    flags = _cpuinfo_flags()
+    if not device.single_fp_config & cl.device_fp_config.FMA:
+        flags -= {"fma", "fma4"}
+    lanes = device.native_vector_width_float
+    return [
+        entry
+        for entry in _LIBRARIES
+        if entry.lanes == lanes and flags.issuperset(entry.needs.split())
+    ]
+
+
+def _working(own: str, libraries: list[_Library]) -> list[str]:
+    """Names that pass vectors to the library as it takes them, and that the CPU can run."""
+    names = [entry.cpu for entry in libraries]
+    lanes = libraries[0].lanes
+    known = {n for e in _LIBRARIES if e.lanes == lanes for n in (e.cpu, *e.alike.split())}
+    fits = own in known or own in _WIDE.get(lanes, "").split()
+    return names if own in names or not fits else [*names, own]
+
+
+def _cpuinfo_flags() -> set[str]:
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
     except OSError:
-        return None
+        return set()
     for line in text.splitlines():
         if line.startswith("flags"):
-            flags = set(line.partition(":")[2].split())
-            return next((cpu for cpu, needed in _LIBRARIES if needed <= flags), None)
-    return None
+            return set(line.partition(":")[2].split())
+    return set()
+
+
+def _write(record: int, name: str) -> bool:
+    """Give the device with this record the name; False where the record is not as expected."""
+    try:
+        slot = _cpu_slot(record)
+    except OSError as error:
+        _log.debug("PoCL's device record cannot be inspected: %s", error)
+        return False
+    if slot is None:
+        _log.debug("PoCL's device record does not look as expected; CPU name left alone")
+        return False
+    if name not in _names:
+        _names[name] = ctypes.create_string_buffer(name.encode())
+    ctypes.c_void_p.from_address(slot).value = ctypes.addressof(_names[name])
+    _given[record] = name
+    return True
 
 
 def _cpu_slot(record: int) -> int | None:
@@ -80,13 +202,14 @@ def _cpu_slot(record: int) -> int | None:
             memory.seek(address)
             return memory.read(size)
 
-        words = struct.unpack(f"<{_RECORD_BYTES // 8}Q", read(record, _RECORD_BYTES))
+        text = read(record, _RECORD_BYTES)
+        words = struct.unpack_from(f"<{len(text) // 8}Q", text)
         for index, (triple, cpu) in enumerate(itertools.pairwise(words)):
             try:
                 if (
                     0x1000 < triple < 1 << 47
                     and 0x1000 < cpu < 1 << 47
-                    and read(triple, len(_TRIPLE) + 1) == _TRIPLE + b"\0"
+                    and read(triple, len(_TRIPLE) + 1) == _TRIPLE.encode() + b"\0"
                     and _looks_like_name(read(cpu, 32))
                 ):
                     return record + 8 * (index + 1)
