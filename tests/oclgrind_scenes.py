@@ -352,16 +352,17 @@ def render(name: str) -> np.ndarray:
 def suit_oclgrind() -> None:
     """Work around what Oclgrind 19.10 with newer clang can't do.
 
-    It has no ``llvm.experimental.noalias.scope.decl``, which optimized code contains, and takes
-    buffers that ``clEnqueueFillBuffer`` filled for uninitialized.
+    It has no ``llvm.experimental.noalias.scope.decl``, which optimized and inlined code contains,
+    and takes buffers that ``clEnqueueFillBuffer`` filled for uninitialized.
     """
     import pyopencl as cl
 
+    from mbinterval.device.programs import Programs
     from mbinterval.device.runtime import Runtime
 
-    plain = cl.Program.build
-    cl.Program.build = lambda self, options=(), **more: plain(
-        self, options=[*options, "-cl-opt-disable"], **more
+    plain = Programs._from_source
+    Programs._from_source = lambda self, source, flags: plain(
+        self, source, [*flags, "-cl-opt-disable", "-DINLINED=inline"]
     )
 
     def fill(self: Runtime, buffer: object, nbytes: int, value: int = 0) -> None:

@@ -136,9 +136,10 @@ static bool layer_colors(const Tile *tile, int sample, Span span, Place place, f
 // places, of each layer for stage "record" if they are to be kept. False where that would not be
 // exact enough.
 static bool blend_places(const Tile *tile, int sample, global const Span *spans, uint count,
-                         Span stretch, Place place, float2 window, Instants places, Lanes light,
-                         bool keep, Blended *sum)
+                         Span stretch, Place place, float2 window, Instants places,
+                         const Lanes *lights, bool keep, Blended *sum)
 {
+    Lanes light = *lights;
     Lanes rest = 1.0f;
     const float given = lanes_sum(light);
     float left = given;
@@ -186,13 +187,13 @@ static Blended blend_over_time(const Tile *tile, int sample, global const Span *
     for (bool more = true; more;) {
         Blended part;
         Lanes light = part_light(tile, window, stretch, places);
-        if (!blend_places(tile, sample, spans, count, stretch, place, window, places, light,
+        if (!blend_places(tile, sample, spans, count, stretch, place, window, places, &light,
                           false, &part)) {
             refine(&places);
             continue;
         }
 #ifdef RECORDED
-        blend_places(tile, sample, spans, count, stretch, place, window, places, light, true,
+        blend_places(tile, sample, spans, count, stretch, place, window, places, &light, true,
                      &part);
 #endif
         sum.color += part.color, sum.depth += part.depth, total += lanes_sum(light);

@@ -156,7 +156,7 @@ static inline Place gathered_place(const Gather *g, int i)
 #ifdef GLOSSY
 // What is added to x, y or w (0, 1, 2) of vertex i for each sample at hand: the same operations as
 // shear_triangle.
-static inline Wide gathered_shear(const Gather *g, int i, int which)
+static INLINED Wide gathered_shear(const Gather *g, int i, int which)
 {
     const double *a = g->shear.tilt[i / 3][0], *b = g->shear.tilt[i / 3][1];
     if (g->shear.any)
@@ -166,7 +166,7 @@ static inline Wide gathered_shear(const Gather *g, int i, int which)
 }
 #endif
 
-static inline Wide gathered_w(const Gather *g, int i)
+static INLINED Wide gathered_w(const Gather *g, int i)
 {
     Wide w = g->triangle.w[i];
 #ifdef GLOSSY
@@ -176,7 +176,7 @@ static inline Wide gathered_w(const Gather *g, int i)
 }
 
 // Vertex i relative to each sample at hand: the same operations as shifted_x and shifted_y.
-static inline Wide gathered_x(const Gather *g, int i)
+static INLINED Wide gathered_x(const Gather *g, int i)
 {
     Wide x = g->triangle.x[i];
 #ifdef GLOSSY
@@ -188,7 +188,7 @@ static inline Wide gathered_x(const Gather *g, int i)
     return fma(-convert_double8(vload8(0, g->x)), gathered_w(g, i), x);
 }
 
-static inline Wide gathered_y(const Gather *g, int i)
+static INLINED Wide gathered_y(const Gather *g, int i)
 {
     Wide y = g->triangle.y[i];
 #ifdef GLOSSY

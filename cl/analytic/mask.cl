@@ -7,7 +7,7 @@
 #include "shared/wide.h"
 
 // 1/w of the curve at eight times.
-static inline Wide curve_nearness(const DepthCurve *c, Wide t)
+static INLINED Wide curve_nearness(const DepthCurve *c, Wide t)
 {
     Wide tau = (t - (double)c->open) / (double)c->length, s = 1.0 - tau;
     Wide e = s * (s * c->e[0] + tau * c->e[1]) + tau * (s * c->e[1] + tau * c->e[2]);

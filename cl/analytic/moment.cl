@@ -85,8 +85,8 @@ static Places centres_from(const Tile *tile, int pixel)
 
 #ifdef ALPHA_VARIES
 // Eight pixels at whose centres enough of the path, frozen at `tau`, is there.
-static WideMask there_enough(const Tile *tile, Path path, const Resting *r, double tau,
-                             Places places)
+static INLINED WideMask there_enough(const Tile *tile, Path path, const Resting *r, double tau,
+                                     Places places)
 {
     if (!(path.alpha < 0.0f)) return (WideMask)(-1);
     Wide e[3];
@@ -122,7 +122,7 @@ static void see_frozen(Tile *tile, Path path, const MovingTriangle *moving, Rest
 #ifdef ALPHA_VARIES
             mask &= there_enough(tile, path, r, tau, places);
 #endif
-            nearest_of_lanes(tile, r, pixel, places, mask);
+            nearest_of_lanes(tile, r, pixel, &places, &mask);
         }
 }
 
@@ -193,7 +193,7 @@ static inline double2 corner_weights(const Seen *seen, int i)
 
 #ifdef AOV_NORMAL
 // Unit normal in the world, on the side of a two-sided surface that is seen.
-static double3 normal_of(const Tile *tile, const Seen *seen)
+static INLINED double3 normal_of(const Tile *tile, const Seen *seen)
 {
     const Scene *scene = &tile->scene;
     const Shaded *s = &seen->shaded;

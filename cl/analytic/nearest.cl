@@ -114,12 +114,14 @@ static double static_depth_at(const Resting *r, Place place)
     return covered && w > 0.0 && w < INFINITY ? w : INFINITY;
 }
 
-// The depth of the triangle, where `mask` allows, into the z-buffer of eight samples from `sample`
-// on; ties go to the path that comes first.
-static void nearest_of_lanes(Tile *tile, const Resting *r, int sample, Places places, WideMask mask)
+// The depth of the triangle, where `allowed`, into the z-buffer of eight samples from `sample` on;
+// ties go to the path that comes first.
+static void nearest_of_lanes(Tile *tile, const Resting *r, int sample, const Places *places,
+                             const WideMask *allowed)
 {
+    WideMask mask = *allowed;
     Wide e[3];
-    edges_at(r, &places, e);
+    edges_at(r, places, e);
     WideMask covered = (e[0] < 0.0) & (e[1] < 0.0) & (e[2] < 0.0);
     if (!r->single_sided) covered |= (e[0] > 0.0) & (e[1] > 0.0) & (e[2] > 0.0);
     WideMask zero = mask & ((e[0] == 0.0) | (e[1] == 0.0) | (e[2] == 0.0));
@@ -131,7 +133,7 @@ static void nearest_of_lanes(Tile *tile, const Resting *r, int sample, Places pl
     if (any(zero))
         for (int i = 0; i < WIDE; i++)
             if (((const long *)&zero)[i])
-                ((double *)&w)[i] = static_depth_at(r, place_of_lane(&places, i));
+                ((double *)&w)[i] = static_depth_at(r, place_of_lane(places, i));
     Wide before = vload8(0, tile->static_depth + sample);
     uint8 part = vload8(0, tile->static_part + sample);
     WideMask first = convert_long8((uint8)(r->index) < part >> PART_BITS);
@@ -143,7 +145,7 @@ static void nearest_of_lanes(Tile *tile, const Resting *r, int sample, Places pl
 }
 
 // Columns of a row that lie from `first` to `last`.
-static inline WideMask columns_between(int column, int first, int last)
+static INLINED WideMask columns_between(int column, int first, int last)
 {
     long8 lanes = (long)column + (long8)(0, 1, 2, 3, 4, 5, 6, 7);
     return (lanes >= (long)first) & (lanes <= (long)last);
@@ -162,7 +164,8 @@ static void nearest_in_row(Tile *tile, const Resting *r, int row, int first, int
 #ifdef AOV_OPERATIONS
         for (int i = 0; i < WIDE; i++) tile->tested[sample + i] -= ((const long *)&mask)[i];
 #endif
-        nearest_of_lanes(tile, r, sample, places_from(tile, sample), mask);
+        Places places = places_from(tile, sample);
+        nearest_of_lanes(tile, r, sample, &places, &mask);
     }
 }
 

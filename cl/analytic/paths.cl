@@ -6,12 +6,15 @@
 
 #pragma OPENCL FP_CONTRACT OFF
 
-static double3 cross_product(double3 a, double3 b)
+static INLINED double3 cross_product(double3 a, double3 b)
 {
     return (double3)(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
-static double dot_product(double3 a, double3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static INLINED double dot_product(double3 a, double3 b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 
 // Planes through the eye and two of the six corners that have all on one side: what the path
 // covers lies inside all of them, in front of the eye or behind it (DESIGN.md 3.2). Each is pushed
@@ -52,7 +55,7 @@ static uint bounding_planes(const double3 *q, int corners, double blur, Shape *s
 }
 
 // Whether the moving edge's positions p0 q0 and p1 q1 cross on screen, and where on each.
-static bool edge_crosses(double3 p0, double3 q0, double3 p1, double3 q1, float *place)
+static INLINED bool edge_crosses(double3 p0, double3 q0, double3 p1, double3 q1, float *place)
 {
     double3 line0 = cross_product(p0, q0), line1 = cross_product(p1, q1);
     double a = dot_product(p0, line1), b = dot_product(q0, line1);
@@ -89,7 +92,7 @@ static double2 exact_products(double a, double b, double c, double d)
 }
 
 // Determinant to the last bit or nearly so, whatever cancels.
-static double exact_determinant(double3 a, double3 b, double3 c)
+static INLINED double exact_determinant(double3 a, double3 b, double3 c)
 {
     const double left[3] = {a.x, a.y, a.z};
     const double2 minors[3] = {exact_products(b.y, c.z, -b.z, c.y),
@@ -128,7 +131,7 @@ static void facing_over_time(const double *d, Shape *shape)
 
 // Order of moving vertices by position, at the start and then at the end (Akenine-Möller et al.
 // 2007, 3.3.2): the same for every face at an edge, whatever the order of its vertices.
-static bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
+static INLINED bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
 {
     if (p0.x != q0.x) return p0.x < q0.x;
     if (p0.y != q0.y) return p0.y < q0.y;

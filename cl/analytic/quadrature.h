@@ -40,7 +40,7 @@ static inline Instants first_places(Span span)
 }
 
 // Times of the places; the last one repeated beyond.
-static inline Lanes times_of(Span span, Instants p)
+static INLINED Lanes times_of(Span span, Instants p)
 {
     Lanes i = p.first + lanes_min(LANE_INDEX, (Lanes)(p.count - 1.0f));
     return span.t0 + (span.t1 - span.t0) * ((i + 0.5f) / p.n);
@@ -60,7 +60,7 @@ static inline bool next_places(Instants *p)
 
 // The light that passes in the part around each place; nothing beyond them. Without a curve it is
 // the part's length, of a span of length 1.
-static inline Lanes part_light(const Tile *tile, float2 window, Span span, Instants p)
+static INLINED Lanes part_light(const Tile *tile, float2 window, Span span, Instants p)
 {
 #ifdef SHUTTER_CURVE
     if (span.t0 == span.t1) return LANE_INDEX < 1.0f ? (Lanes)(1.0f) : (Lanes)(0.0f);
@@ -85,7 +85,7 @@ static inline bool can_refine(Instants p) { return p.n > 1 && p.n < MOST_PLACES;
 // Take twice as many places in the first half of the stretch.
 static inline void refine(Instants *p) { p->first *= 2, p->n *= 2; }
 
-static inline Lanes bends(Lanes a) { return fabs(lanes_steps(lanes_steps(a))); }
+static INLINED Lanes bends(Lanes a) { return fabs(lanes_steps(lanes_steps(a))); }
 
 // Whether colours at the places tell their mean well enough.
 static inline bool is_smooth(const Colors *c, Instants p)

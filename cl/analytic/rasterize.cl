@@ -37,8 +37,8 @@ static EdgePoint meet_edge(const Surface *surface, int edge, const Lanes *x, con
     return point;
 }
 
-static bool append_fragments(Tile *tile, int row, int column, int count, uint part, float w_scale,
-                             LaneMask inside, Lanes t, Lanes w)
+static INLINED bool append_fragments(Tile *tile, int row, int column, int count, uint part,
+                                     float w_scale, LaneMask inside, Lanes t, Lanes w)
 {
     float times[LANES], ws[LANES];
     int hit[LANES];

@@ -37,7 +37,8 @@ static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Spa
 #if defined(TEXTURED) && !defined(SHADING_ERROR)
     if (s->material.texture == NONE || (s->material.flags & MATERIAL_MASK)) return 0.0f;
     Texture texture = tile->scene.textures[s->material.texture];
-    Attributes a = attributes_at(s, v, LANE_INDEX < 1.0f ? (Lanes)(span.t0) : (Lanes)(span.t1));
+    Lanes ends = LANE_INDEX < 1.0f ? (Lanes)(span.t0) : (Lanes)(span.t1);
+    Attributes a = attributes_at(s, v, &ends);
     float2 extent = fabs((float2)(a.u.s1 - a.u.s0, a.v.s1 - a.v.s0))
                     * (float2)(texture.width, texture.height);
     return log2(fmax(fmax(extent.x, extent.y) / n, 1.0f));
@@ -52,7 +53,8 @@ static void load_span_footprint(const Tile *tile, const Shaded *s, const Varying
                                 Attributes *a)
 {
     float middle = 0.5f * (span.t0 + span.t1);
-    Attributes there = attributes_at(s, v, (Lanes)(middle));
+    Lanes middles = middle;
+    Attributes there = attributes_at(s, v, &middles);
     float tau = (middle - s->path.open) / path_length(s->path);
     load_footprint(&tile->scene, s, tau, (Lanes)(s->place.x), (Lanes)(s->place.y), &there);
     a->footprint = there.footprint;
@@ -74,7 +76,7 @@ static inline float finest_texel(Texture texture, const Attributes *a)
 #if defined(LIGHT_AROUND) && defined(METALLIC)
 // Whether the directions that are mirrored at times t are no further apart than texels of the cube
 // map are.
-static bool mirrors_closely(const Tile *tile, const Shaded *s, const Attributes *a, Lanes t)
+static INLINED bool mirrors_closely(const Tile *tile, const Shaded *s, const Attributes *a, Lanes t)
 {
     CubeMap map = tile->scene.maps[s->mesh.map];
     if (!(s->material.flags & MATERIAL_METALLIC) || map.levels == 0u) return true;
@@ -91,8 +93,8 @@ static bool mirrors_closely(const Tile *tile, const Shaded *s, const Attributes 
 // Whether the places, with these attributes, lie close enough together for the rule to be judged by
 // its values: closer than texels are, and than highlights are wide. Where no more are to be had the
 // level grows with the distance.
-static bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a, Lanes t,
-                         Instants places, float *level)
+static INLINED bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a, Lanes t,
+                                 Instants places, float *level)
 {
     bool close = true;
 #ifdef TEXTURED
@@ -128,34 +130,33 @@ static bool close_enough(const Tile *tile, const Shaded *s, const Attributes *a,
 static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Span span,
                          float level, Instants places, Colors *colors)
 {
-    Lanes t = times_of(span, places);
-    Attributes a = attributes_at(s, v, t);
+    Sight sight = {times_of(span, places), 1.0f, 0.0f, 0.0f}; // depth is for what lies near
+    Attributes a = attributes_at(s, v, &sight.t);
 #ifdef ANISOTROPY
     if (has_footprint(s)) load_span_footprint(tile, s, v, span, &a);
 #endif
 #ifdef SHADING_ERROR
-    if (!close_enough(tile, s, &a, t, places, &level) && can_refine(places)) return false;
+    if (!close_enough(tile, s, &a, sight.t, places, &level) && can_refine(places)) return false;
 #endif
-    Lanes w = 1.0f, across = 0.0f, down = 0.0f; // depth is for what lies near
 #if defined(LIT) && (defined(POINT_LIGHTS) || defined(LENS) || defined(GLOSSY))
-    w = varying_depth(v, t);
+    sight.w = varying_depth(v, sight.t);
 #endif
 #if defined(LIT) && defined(LENS)
     // A point is seen through the middle of the lens where its circle of confusion is not.
-    w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
-    across = -s->place.u * a.circle / w, down = -s->place.v * a.circle / w;
+    sight.w = lanes_min(lanes_max(sight.w, (Lanes)(1e-30f)), (Lanes)(1e30f));
+    sight.across = -s->place.u * a.circle / sight.w, sight.down = -s->place.v * a.circle / sight.w;
 #endif
 #if defined(LIT) && defined(GLOSSY)
-    undo_shear(s, &a, s->place.a, s->place.b, t, s->place.x, s->place.y, &w, &across, &down);
+    undo_shear(s, &a, s->place.a, s->place.b, s->place.x, s->place.y, &sight);
 #endif
 #ifdef SHADOWS
     light_along(tile, s->window, span, places, a.lit);
 #endif
-    *colors = surface_color(tile, s, &a, level, places.count, t, w, across, down);
+    *colors = surface_color(tile, s, &a, level, places.count, &sight);
     return true;
 }
 
-static inline float4 weighted_sum(const Colors *colors, Lanes light)
+static INLINED float4 weighted_sum(const Colors *colors, Lanes light)
 {
     return (float4)(lanes_sum(light * colors->x), lanes_sum(light * colors->y),
                     lanes_sum(light * colors->z),

@@ -56,9 +56,9 @@ NOT_INLINED static bool cast_shadows(const Tile *tile, Shading *s)
     Casters *waiting = &s->casters;
     if (waiting->count == 0) return true;
     CasterFunctions functions;
-    DoubleMask found = caster_functions(tile, &s->receiver, &s->light, waiting, &functions);
+    caster_functions(tile, &s->receiver, &s->light, waiting, &functions);
     for (int lane = 0; lane < waiting->count && !is_dark(&s->list); lane++) {
-        if (((const long *)&found)[lane] == 0) continue;
+        if (((const long *)&functions.between)[lane] == 0) continue;
         SignChanges signs;
         caster_signs(&functions, lane, &signs);
         Caster caster = {waiting->path[lane], waiting->t0[lane], waiting->t1[lane], &functions,

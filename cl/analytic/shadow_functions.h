@@ -69,7 +69,7 @@ static Receiver restrict_receiver(const Receiver *r, double t0, double t1)
 }
 
 // Likewise in each lane, of a polynomial that all share.
-static void restrict_cubics(const double *b, Doubles low, Doubles high, Doubles *out)
+static INLINED void restrict_cubics(const double *b, Doubles low, Doubles high, Doubles *out)
 {
     Doubles l[3], h[3];
     for (int i = 0; i < 3; i++) {
@@ -83,7 +83,7 @@ static void restrict_cubics(const double *b, Doubles low, Doubles high, Doubles 
     out[2] = lh0 + high * (lh1 - lh0), out[3] = hh0 + high * (hh1 - hh0);
 }
 
-static void restrict_quadratics(const double *b, Doubles low, Doubles high, Doubles *out)
+static INLINED void restrict_quadratics(const double *b, Doubles low, Doubles high, Doubles *out)
 {
     Doubles l0 = b[0] + low * (b[1] - b[0]), l1 = b[1] + low * (b[2] - b[1]);
     Doubles h0 = b[0] + high * (b[1] - b[0]), h1 = b[1] + high * (b[2] - b[1]);
@@ -96,7 +96,7 @@ typedef struct {
     Doubles e[3], cubic_e[4];
 } Receivers;
 
-static Receivers spread_receiver(const Receiver *r, Doubles t0, Doubles t1, double3 origin)
+static INLINED Receivers spread_receiver(const Receiver *r, Doubles t0, Doubles t1, double3 origin)
 {
     Doubles over = 1.0 / (r->t1 - r->t0), low = (t0 - r->t0) * over, high = (t1 - r->t0) * over;
     Doubles x[4], y[4], z[4];
@@ -123,8 +123,8 @@ typedef struct {
 
 // Corners of the casters at the ends of their parts, relative to `origin`; lanes beyond the last
 // have the last one's. Bit i of `reversed`: the side of corners i and i + 1 has the second first.
-static void load_casters(const Tile *tile, const Casters *casters, double3 origin, Linear *corners,
-                         DoubleMask *reversed)
+static INLINED void load_casters(const Tile *tile, const Casters *casters, double3 origin,
+                                 Linear *corners, DoubleMask *reversed)
 {
     double at[3][2][3][CASTERS]; // corner, end, coordinate
     long flags[3][CASTERS];
@@ -169,7 +169,7 @@ static Quadratic plane_normals(const Linear *corners)
     return cross_over_time(u, v);
 }
 
-static inline double3 towards_light(const ShadowLight *light)
+static INLINED double3 towards_light(const ShadowLight *light)
 {
     return (double3)(light->vector[0], light->vector[1], light->vector[2]);
 }
@@ -244,12 +244,12 @@ NOT_INLINED static void light_edge(const ShadowLight *light, Linear p, Linear q,
 // The functions of eight casters.
 typedef struct {
     Doubles edge[3][QUINTIC], of_point[QUINTIC], of_light[4];
+    DoubleMask between; // those that may stand between the light and the receiver
 } CasterFunctions;
 
-// Find the functions; returns the lanes of those that may stand between the light and the receiver.
-NOT_INLINED static DoubleMask caster_functions(const Tile *tile, const Receiver *receiver,
-                                   const ShadowLight *light, const Casters *casters,
-                                   CasterFunctions *f)
+NOT_INLINED static void caster_functions(const Tile *tile, const Receiver *receiver,
+                                         const ShadowLight *light, const Casters *casters,
+                                         CasterFunctions *f)
 {
     double3 origin = (double3)(light->origin[0], light->origin[1], light->origin[2]);
     double t0[CASTERS], t1[CASTERS];
@@ -282,7 +282,7 @@ NOT_INLINED static DoubleMask caster_functions(const Tile *tile, const Receiver 
         DoubleMask above = any_above(edge, QUINTIC), below = any_below(edge, QUINTIC);
         front &= below | ~above, back &= above | ~below;
     }
-    return front | back;
+    f->between = front | back;
 }
 
 #endif

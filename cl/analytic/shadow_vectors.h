@@ -2,15 +2,13 @@
 #ifndef MB_SHADOW_VECTORS_H
 #define MB_SHADOW_VECTORS_H
 
+#include "shared/inlining.h"
 #include "shared/quintic.h"
 
 // Casters are worked on eight at a time, one in each lane.
 #define CASTERS 8
 typedef double8 Doubles;
 typedef long8 DoubleMask;
-
-// Compiled once, however often it is called: copies of what is long would take PoCL a minute.
-#define NOT_INLINED __attribute__((noinline))
 
 // Eight vectors.
 typedef struct {
@@ -24,7 +22,7 @@ static inline Vectors vectors_minus(Vectors a, Vectors b)
 }
 
 // a + by * b
-static inline Vectors vectors_added(Vectors a, Doubles by, Vectors b)
+static INLINED Vectors vectors_added(Vectors a, Doubles by, Vectors b)
 {
     Vectors sum = {a.x + by * b.x, a.y + by * b.y, a.z + by * b.z};
     return sum;
@@ -36,21 +34,21 @@ static inline Vectors vectors_cross(Vectors a, Vectors b)
     return product;
 }
 
-static inline Doubles vectors_dot(Vectors a, Vectors b)
+static INLINED Doubles vectors_dot(Vectors a, Vectors b)
 {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-static inline Vectors vectors_of(double3 v)
+static INLINED Vectors vectors_of(double3 v)
 {
     Vectors all = {v.x, v.y, v.z};
     return all;
 }
 
-static inline Doubles magnitudes(Doubles a) { return a < 0.0 ? -a : a; }
+static INLINED Doubles magnitudes(Doubles a) { return a < 0.0 ? -a : a; }
 
 // The sum of the magnitudes of the coordinates.
-static inline Doubles vectors_size(Vectors a)
+static INLINED Doubles vectors_size(Vectors a)
 {
     return magnitudes(a.x) + magnitudes(a.y) + magnitudes(a.z);
 }
@@ -120,21 +118,21 @@ NOT_INLINED static void dot_over_time(const Quadratic *a, const Cubic *b, Double
 }
 
 // Lanes in which any coefficient is above zero.
-static inline DoubleMask any_above(const Doubles *b, int count)
+static INLINED DoubleMask any_above(const Doubles *b, int count)
 {
     DoubleMask found = b[0] > 0.0;
     for (int k = 1; k < count; k++) found |= b[k] > 0.0;
     return found;
 }
 
-static inline DoubleMask any_below(const Doubles *b, int count)
+static INLINED DoubleMask any_below(const Doubles *b, int count)
 {
     DoubleMask found = b[0] < 0.0;
     for (int k = 1; k < count; k++) found |= b[k] < 0.0;
     return found;
 }
 
-static inline bool none_of(DoubleMask mask)
+static INLINED bool none_of(DoubleMask mask)
 {
     const long4 *part = (const long4 *)&mask;
     long4 any = part[0] | part[1];

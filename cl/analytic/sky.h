@@ -15,12 +15,12 @@
 #define MOST_SKY_PARTS 4096
 #define NO_SKY 1e-6f // openness below which it is rounding
 
-static inline Lanes3 ways_of(const Tile *tile, const Gaze *gaze, Lanes t)
+static INLINED Lanes3 ways_of(const Tile *tile, const Gaze *gaze, Lanes t)
 {
     return lanes_unit(sky_ways(&tile->scene, gaze, t));
 }
 
-static inline Lanes sky_times(float t0, float t1, int first, int parts)
+static INLINED Lanes sky_times(float t0, float t1, int first, int parts)
 {
     return t0 + (t1 - t0) * ((first + 0.5f + LANE_INDEX) / parts);
 }

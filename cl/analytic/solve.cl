@@ -135,7 +135,7 @@ typedef struct {
 
 // Cut the ranges by an edge function. Returns the lanes for which this can't be done: those with a
 // zero at an end or with two roots.
-static inline WideMask cut_ranges(Ranges *r, Wide b0, Wide b1, Wide b2)
+static INLINED WideMask cut_ranges(Ranges *r, Wide b0, Wide b1, Wide b2)
 {
     WideMask below = b0 < 0.0, changes = below ^ (b2 < 0.0);
     Wide sign = below ? (Wide)(-1.0) : (Wide)(1.0);
@@ -159,7 +159,7 @@ typedef struct {
 
 // What is covered in [low, high) of the motion segment, with the depths of the vertices then: what
 // lies between them is no nearer and no farther. Slack, for times are rounded to float32.
-static inline void store_covered(const Gather *g, Wide low, Wide high, Covered *covered)
+static INLINED void store_covered(const Gather *g, Wide low, Wide high, Covered *covered)
 {
     Wide near = INFINITY, far = 0.0, before = low - g->slack, after = high + g->slack;
     for (int i = 0; i < 3; i++) {

@@ -68,7 +68,7 @@ static void rank_segments(Ranked r, global const Interval *list, int count)
 
 // Compare segment i with the 16 from `first` on, in their common time: the first's depth less the
 // others' at its start and at its end, and whether there is any.
-static inline LaneMask compare_segments(Ranked r, int i, int first, Lanes *at_low, Lanes *at_high)
+static INLINED LaneMask compare_segments(Ranked r, int i, int first, Lanes *at_low, Lanes *at_high)
 {
     Lanes t0 = vload16(0, r.t0 + first), t1 = vload16(0, r.t1 + first);
     Lanes w0 = vload16(0, r.w0 + first), slope = vload16(0, r.slope + first);

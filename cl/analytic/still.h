@@ -62,19 +62,18 @@ static void shade_still(Tile *tile, Still *still)
         s.place = corner;
         load_attributes(tile, &s);
         Attributes a = still_attributes(tile, still, &s);
-        Lanes w = vload16(0, still->w);
-        Lanes across = vload16(0, still->x), down = vload16(0, still->y);
+        Sight sight = {s.path.open, vload16(0, still->w), vload16(0, still->x),
+                     vload16(0, still->y)};
 #ifdef LENS
         // A point is seen through the middle of the lens where its circle of confusion is not.
-        across -= vload16(0, still->u) * a.circle / w;
-        down -= vload16(0, still->v) * a.circle / w;
+        sight.across -= vload16(0, still->u) * a.circle / sight.w;
+        sight.down -= vload16(0, still->v) * a.circle / sight.w;
 #endif
 #ifdef ANISOTROPY
         if (has_footprint(&s))
             load_footprint(&tile->scene, &s, 0.0f, vload16(0, still->x), vload16(0, still->y), &a);
 #endif
-        Lanes t = s.path.open;
-        color = surface_color(tile, &s, &a, 0.0f, still->count, t, w, across, down);
+        color = surface_color(tile, &s, &a, 0.0f, still->count, &sight);
     }
     for (int i = 0; i < still->count; i++)
         tile->still[still->samples[i]] = (float4)(((const float *)&color.x)[i],

@@ -46,13 +46,13 @@ typedef struct {
                           // they are a part of
 } Surface;
 
-static double3 corner_position(const Surface *s, int i)
+static INLINED double3 corner_position(const Surface *s, int i)
 {
     return (double3)((double)s->x[i] + s->x_low[i], (double)s->y[i] + s->y_low[i],
                      (double)s->w[i] + s->w_low[i]);
 }
 
-static void set_corner(Surface *s, int i, double3 p)
+static INLINED void set_corner(Surface *s, int i, double3 p)
 {
     s->x[i] = (float)p.x, s->y[i] = (float)p.y, s->w[i] = (float)p.z;
     s->x_low[i] = (float)(p.x - s->x[i]), s->y_low[i] = (float)(p.y - s->y[i]);

@@ -31,10 +31,10 @@ static void load_attributes(const Tile *tile, Shaded *s)
 #endif
 }
 
-// Colours with these attributes, which get their gloss, at times t and depths w, `count` of which
-// matter, of what is seen (across, down) pixels from the place; textures at mip level `level`.
+// Colours with these attributes, which get their gloss, of what is seen, `count` of which matter;
+// textures at mip level `level`.
 static Colors surface_color(const Tile *tile, const Shaded *s, Attributes *a, float level,
-                            int count, Lanes t, Lanes w, Lanes across, Lanes down)
+                            int count, Sight *sight)
 {
     const float *base = s->path.color;
     Lanes3 color = {base[0] * a->color.x, base[1] * a->color.y, base[2] * a->color.z};
@@ -53,11 +53,12 @@ static Colors surface_color(const Tile *tile, const Shaded *s, Attributes *a, fl
 #endif
 #ifdef LIT
     if (s->material.flags & MATERIAL_LIT) {
-        w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f)); // not in the eye
+        // Not in the eye.
+        sight->w = lanes_min(lanes_max(sight->w, (Lanes)(1e-30f)), (Lanes)(1e30f));
 #ifdef METALLIC
         load_gloss(&tile->scene, s, a, level, count);
 #endif
-        color = reflect_light(&tile->scene, s, a, color, t, w, across, down, count);
+        color = reflect_light(&tile->scene, s, a, color, sight, count);
 #ifdef EMISSION
         color = with_emission(&tile->scene, s, a, color, level, count);
 #endif

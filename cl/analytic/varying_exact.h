@@ -36,7 +36,7 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     return v;
 }
 
-static inline Lanes varying_depth(const Varying *v, Lanes t)
+static INLINED Lanes varying_depth(const Varying *v, Lanes t)
 {
     double16 tau = (convert_double16(t) - v->depth.open) / v->depth.length, s = 1.0 - tau;
     const double *d = v->depth.d, *e = v->depth.e;
@@ -46,9 +46,9 @@ static inline Lanes varying_depth(const Varying *v, Lanes t)
     return lanes_min(lanes_max(w, v->near), v->far);
 }
 
-static Attributes attributes_at(const Shaded *s, const Varying *v, Lanes t)
+static Attributes attributes_at(const Shaded *s, const Varying *v, const Lanes *t)
 {
-    double16 tau = (convert_double16(t) - s->path.open) / path_length(s->path), rest = 1.0 - tau;
+    double16 tau = (convert_double16(*t) - s->path.open) / path_length(s->path), rest = 1.0 - tau;
     double16 e[3], sum = 0.0;
     for (int i = 0; i < 3; i++) {
         const double *b = v->edge[i];

@@ -77,15 +77,15 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
     return v;
 }
 
-static inline Lanes varying_depth(const Varying *v, Lanes t)
+static INLINED Lanes varying_depth(const Varying *v, Lanes t)
 {
     Interval i = v->interval;
     return i.w0 + (i.w1 - i.w0) * ((t - i.t0) / (i.t1 - i.t0));
 }
 
-static Attributes attributes_at(const Shaded *s, const Varying *v, Lanes t)
+static Attributes attributes_at(const Shaded *s, const Varying *v, const Lanes *t)
 {
-    Lanes part = (t - v->t0) * v->over, weights[6];
+    Lanes part = (*t - v->t0) * v->over, weights[6];
     for (int i = 0; i < 6; i++) weights[i] = v->start[i] + part * (v->end[i] - v->start[i]);
     return blend_corners(s, weights);
 }

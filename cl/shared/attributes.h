@@ -65,6 +65,11 @@ typedef struct {
 #endif
 } Attributes;
 
+// How they are seen: at times t of the shutter and depths w, (across, down) pixels from the place.
+typedef struct {
+    Lanes t, w, across, down;
+} Sight;
+
 static inline uint corner_vertex(Path path, int corner)
 {
     uint vertex = corner % 3 == 0 ? path.a : corner % 3 == 1 ? path.b : path.c;
@@ -201,7 +206,7 @@ static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
 }
 
 #ifdef ALPHA_VARIES
-static inline Lanes vertex_alpha(const Attributes *a)
+static INLINED Lanes vertex_alpha(const Attributes *a)
 {
 #ifdef VERTEX_ALPHA
     return a->alpha;
@@ -211,14 +216,14 @@ static inline Lanes vertex_alpha(const Attributes *a)
 }
 
 // Alpha from 0 to 1, of what vertices and texture say.
-static inline Lanes untested_alpha(const Shaded *s, Lanes alpha)
+static INLINED Lanes untested_alpha(const Shaded *s, Lanes alpha)
 {
     if (!(s->path.alpha < 0.0f)) return s->path.alpha;
     return lanes_min(lanes_max(-s->path.alpha * alpha, (Lanes)(0.0f)), (Lanes)(1.0f));
 }
 
 // Alpha that counts: 0 or 1 if it is tested.
-static inline Lanes counted_alpha(const Shaded *s, Lanes alpha)
+static INLINED Lanes counted_alpha(const Shaded *s, Lanes alpha)
 {
     alpha = untested_alpha(s, alpha);
     if (!(s->path.alpha < 0.0f) || !(s->material.flags & MATERIAL_MASK)) return alpha;
@@ -232,30 +237,32 @@ static inline Colors texel_colors(const Scene *scene, uint texture, const Attrib
                                   float level, int count)
 {
 #ifdef ANISOTROPY
-    return texture_over(scene->texels, scene->textures[texture], a->u, a->v, &a->footprint, level,
-                        count);
+    return texture_over(scene->texels, scene->textures[texture], &a->u, &a->v, &a->footprint,
+                        level, count);
 #else
-    return texture_at(scene->texels, scene->textures[texture], a->u, a->v, level, count);
+    return texture_at(scene->texels, scene->textures[texture], &a->u, &a->v, level, count);
 #endif
 }
 #endif
 
 #ifdef ALPHA_VARIES
 // What vertices and the texture, at its finest level, say of alpha; `count` of them matter.
-static Lanes given_alpha(const Scene *scene, const Shaded *s, const Attributes *a, int count)
+static INLINED Lanes given_alpha(const Scene *scene, const Shaded *s, const Attributes *a,
+                                 int count)
 {
     Lanes alpha = vertex_alpha(a);
 #ifdef TEXTURED
     if (s->material.texture != NONE) {
         Texture texture = scene->textures[s->material.texture];
-        alpha *= texture_at(scene->texels, texture, a->u, a->v, 0.0f, count).alpha;
+        alpha *= texture_at(scene->texels, texture, &a->u, &a->v, 0.0f, count).alpha;
     }
 #endif
     return alpha;
 }
 
 // Alphas that count at weights of a path's corners at its segment's start and end.
-static Lanes alpha_at_weights(const Scene *scene, uint path, const Lanes *weights, int count)
+static INLINED Lanes alpha_at_weights(const Scene *scene, uint path, const Lanes *weights,
+                                      int count)
 {
     Shaded s = load_shaded(scene, path);
     load_corners(scene, &s);
@@ -266,7 +273,7 @@ static Lanes alpha_at_weights(const Scene *scene, uint path, const Lanes *weight
 
 #ifdef ANISOTROPY
 // Nothing where it is not finite, since the triangle is seen edge-on.
-static inline Lanes footprint_side(double16 side)
+static INLINED Lanes footprint_side(double16 side)
 {
     Lanes near = convert_float16(side);
     return fabs(near) < 1e6f ? near : (Lanes)(0.0f);
@@ -275,8 +282,8 @@ static inline Lanes footprint_side(double16 side)
 // Find the footprint of samples at (x, y) whose uv are given, of the triangle as it is at tau.
 // Share i of a point is e_i over the sum of all e, and e_i is linear on screen: the cross product
 // of the two other vertices times (x, y, 1). Through the middle of the lens.
-static void load_footprint(const Scene *scene, const Shaded *s, float tau, Lanes x, Lanes y,
-                           Attributes *a)
+static INLINED void load_footprint(const Scene *scene, const Shaded *s, float tau, Lanes x, Lanes y,
+                                   Attributes *a)
 {
     double3 vertex[3], all = 0.0, u = 0.0, v = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -348,7 +355,7 @@ static void load_view(const Scene *scene, Shaded *s)
 }
 
 // Rays through the place at times t of the shutter.
-static inline Lanes3 rays_at(const Shaded *s, Lanes t)
+static INLINED Lanes3 rays_at(const Shaded *s, Lanes t)
 {
     Lanes3 ray = {s->ray[0].x, s->ray[0].y, s->ray[0].z};
     return lanes_added(ray, (t - s->path.open) * (1.0f / path_length(s->path)),
@@ -363,30 +370,30 @@ static inline Lanes3 normals_seen(const Shaded *s, const Attributes *a, Lanes3 v
     return lanes_scaled(normal, lanes_dot(normal, view) < 0.0f ? (Lanes)(-1.0f) : (Lanes)(1.0f));
 }
 #ifdef GLOSSY
-// From the sheared point at depth w, (x, y) on screen, that samples see, to the one that is lit:
-// where it is from there in pixels, and its depth.
-static void undo_shear(const Shaded *s, const Attributes *attributes, Lanes a, Lanes b, Lanes t,
-                       Lanes x, Lanes y, Lanes *w, Lanes *across, Lanes *down)
+// From the sheared point, (x, y) on screen, that samples see, to the one that is lit.
+static INLINED void undo_shear(const Shaded *s, const Attributes *attributes, Lanes a, Lanes b,
+                               Lanes x, Lanes y, Sight *sight)
 {
     if (!s->shear.any) return;
-    Lanes tau = (t - s->path.open) * (1.0f / path_length(s->path)), moved[3];
+    Lanes tau = (sight->t - s->path.open) * (1.0f / path_length(s->path)), moved[3];
     for (int k = 0; k < 3; k++) {
         float a0 = (float)s->shear.tilt[0][0][k], a1 = (float)s->shear.tilt[1][0][k];
         float b0 = (float)s->shear.tilt[0][1][k], b1 = (float)s->shear.tilt[1][1][k];
         moved[k] = attributes->height
                    * (a * (a0 + tau * (a1 - a0)) + b * (b0 + tau * (b1 - b0)));
     }
-    Lanes before = lanes_max(*w - moved[2], (Lanes)(1e-30f));
-    *across += (x * moved[2] - moved[0]) / before, *down += (y * moved[2] - moved[1]) / before;
-    *w = before;
+    Lanes before = lanes_max(sight->w - moved[2], (Lanes)(1e-30f));
+    sight->across += (x * moved[2] - moved[0]) / before;
+    sight->down += (y * moved[2] - moved[1]) / before;
+    sight->w = before;
 }
 #endif
 
-// Reflected light at times t of the shutter and depths w, of what is seen at (across, down) from
-// the place of `s`, in pixels; `count` of them matter.
-static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attributes *a, Lanes3 color,
-                            Lanes t, Lanes w, Lanes across, Lanes down, int count)
+// Reflected light of what is seen; `count` of them matter.
+static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attributes *a,
+                            Lanes3 color, const Sight *sight, int count)
 {
+    Lanes t = sight->t, across = sight->across, down = sight->down;
     Lanes tau = (t - s->path.open) * (1.0f / path_length(s->path));
     Lanes3 ray = rays_at(s, t);
     Lanes3 position = {s->eye[0].x, s->eye[0].y, s->eye[0].z};
@@ -399,7 +406,8 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
     ray = lanes_added(ray, tau * across, (float3)(n[0] - m[0], n[3] - m[3], n[6] - m[6]));
     ray = lanes_added(ray, tau * down, (float3)(n[1] - m[1], n[4] - m[4], n[7] - m[7]));
 #endif
-    position.x += w * ray.x, position.y += w * ray.y, position.z += w * ray.z;
+    position.x += sight->w * ray.x, position.y += sight->w * ray.y;
+    position.z += sight->w * ray.z;
     Lanes3 view = lanes_unit(lanes_scaled(ray, -1.0f)), normal = normals_seen(s, a, view);
 #ifdef METALLIC
     const Gloss *gloss = s->material.flags & MATERIAL_METALLIC ? &a->gloss : 0;

@@ -2,9 +2,11 @@
 #ifndef MB_BITS_H
 #define MB_BITS_H
 
+#include "shared/inlining.h"
+
 // `mix` is a good 32-bit integer mixer (lowbias32, Wellons 2018).
 #define BITS_OF(type, mix, reverse) \
-    static inline type mix(type x) \
+    static INLINED type mix(type x) \
     { \
         x ^= x >> 16; \
         x *= 0x7feb352du; \
@@ -12,7 +14,7 @@
         x *= 0x846ca68bu; \
         return x ^ x >> 16; \
     } \
-    static inline type reverse(type x) \
+    static INLINED type reverse(type x) \
     { \
         x = x << 16 | x >> 16; \
         x = (x & 0x00ff00ffu) << 8 | (x >> 8 & 0x00ff00ffu); \

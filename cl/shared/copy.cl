@@ -1,5 +1,7 @@
 // What `mbinterval bench` measures the device's memory with: every work-item copies its share,
 // counted in vectors of sixteen.
+#include "shared/inlining.h"
+
 kernel void copy(global const float *from, global float *to, ulong share)
 {
     size_t start = get_global_id(0) * share;

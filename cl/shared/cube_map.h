@@ -64,12 +64,12 @@ static float4 cube_trilinear(const CubeMap *map, global const float4 *texels, Cu
 }
 
 // Light from directions d, of any length, at times t of the shutter; `count` of them matter.
-static Lanes3 cube_light(const CubeMap *map, global const float4 *texels, Lanes3 d, Lanes level,
-                         Lanes t, int count)
+static Lanes3 cube_light(const CubeMap *map, global const float4 *texels, Lanes3 d,
+                         const Lanes *level, const Lanes *t, int count)
 {
     float x[LANES], y[LANES], z[LANES], levels[LANES], times[LANES];
     vstore16(d.x, 0, x), vstore16(d.y, 0, y), vstore16(d.z, 0, z);
-    vstore16(level, 0, levels), vstore16(t, 0, times);
+    vstore16(*level, 0, levels), vstore16(*t, 0, times);
     float found[3][LANES];
     for (int i = 0; i < LANES; i++) {
         float4 light = 0.0f;

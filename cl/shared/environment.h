@@ -23,7 +23,8 @@ typedef struct {
     Lanes factor, added, lost;
 } Shares;
 
-static Shares shares_at(global const float4 *table, Lanes cosine, Lanes roughness, int count)
+static INLINED Shares shares_at(global const float4 *table, Lanes cosine, Lanes roughness,
+                                int count)
 {
     float x[LANES], y[LANES], found[3][LANES];
     vstore16(cosine * (SHARE_COLUMNS - 1.0f), 0, x);
@@ -42,7 +43,7 @@ static Shares shares_at(global const float4 *table, Lanes cosine, Lanes roughnes
 
 // Level of a map at which light is spread as by facets of that alpha: from 1 on alpha doubles from
 // level to level, to 1 at the last; level 0 is a mirror.
-static inline Lanes level_of(const CubeMap *map, Lanes alpha)
+static INLINED Lanes level_of(const CubeMap *map, Lanes alpha)
 {
     Lanes x = alpha * (float)(1u << (max(map->levels, 2u) - 2u));
     int16 exponent = convert_int16(as_uint16(x) >> 23) - 127;
@@ -62,8 +63,8 @@ static inline Lanes3 mirrored_way(Lanes3 normal, Lanes3 view)
 
 // What surfaces reflect to `view` of the light around them at times t: they scatter that of the
 // environment, and mirror that of the cube map `map`. `count` of them matter.
-static Lanes3 light_around(const Scene *scene, uint map, const Gloss *gloss, Lanes3 color,
-                           Lanes3 normal, Lanes3 view, Lanes t, int count)
+static INLINED Lanes3 light_around(const Scene *scene, uint map, const Gloss *gloss, Lanes3 color,
+                                   Lanes3 normal, Lanes3 view, Lanes t, int count)
 {
     Lanes3 sum = {0.0f, 0.0f, 0.0f};
 #ifdef METALLIC
@@ -81,14 +82,16 @@ static Lanes3 light_around(const Scene *scene, uint map, const Gloss *gloss, Lan
 #ifdef ENVIRONMENT
     CubeMap around = scene->maps[0];
     around.levels = 1u, around.size[0] = IRRADIANCE_SIZE, around.first[0] = around.irradiance;
-    Lanes3 scattered = cube_light(&around, scene->map_texels, normal, (Lanes)(0.0f), t, count);
+    Lanes finest = 0.0f;
+    Lanes3 scattered = cube_light(&around, scene->map_texels, normal, &finest, &t, count);
     sum.x = color.x * scattered.x, sum.y = color.y * scattered.y, sum.z = color.z * scattered.z;
 #endif
 #ifdef METALLIC
     if (gloss) {
         CubeMap seen = scene->maps[map];
-        Lanes3 mirrored = cube_light(&seen, scene->map_texels, mirrored_way(normal, view),
-                                     level_of(&seen, facets.alpha), t, count);
+        Lanes level = level_of(&seen, facets.alpha);
+        Lanes3 mirrored = cube_light(&seen, scene->map_texels, mirrored_way(normal, view), &level,
+                                     &t, count);
         sum.x += mirrored.x * (facets.mirrored.x * shares.factor + shares.added);
         sum.y += mirrored.y * (facets.mirrored.y * shares.factor + shares.added);
         sum.z += mirrored.z * (facets.mirrored.z * shares.factor + shares.added);

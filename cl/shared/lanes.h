@@ -3,6 +3,8 @@
 #ifndef MB_LANES_H
 #define MB_LANES_H
 
+#include "shared/inlining.h"
+
 #define LANES 16
 typedef float16 Lanes;
 typedef int16 LaneMask;
@@ -10,17 +12,17 @@ typedef int16 LaneMask;
 #define LANE_INDEX ((Lanes)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 
 // max and min by comparison: half the cost of fmax and fmin, whose NaN rules nothing here needs.
-static inline Lanes lanes_max(Lanes a, Lanes b) { return a > b ? a : b; }
-static inline Lanes lanes_min(Lanes a, Lanes b) { return a < b ? a : b; }
+static INLINED Lanes lanes_max(Lanes a, Lanes b) { return a > b ? a : b; }
+static INLINED Lanes lanes_min(Lanes a, Lanes b) { return a < b ? a : b; }
 
-static inline float lanes_sum(Lanes a)
+static INLINED float lanes_sum(Lanes a)
 {
     const float4 *part = (const float4 *)&a;
     float4 sum = (part[0] + part[2]) + (part[1] + part[3]);
     return (sum.x + sum.z) + (sum.y + sum.w);
 }
 
-static inline float lanes_greatest(Lanes a)
+static INLINED float lanes_greatest(Lanes a)
 {
     const float4 *part = (const float4 *)&a;
     float4 most = fmax(fmax(part[0], part[2]), fmax(part[1], part[3]));
@@ -28,16 +30,16 @@ static inline float lanes_greatest(Lanes a)
 }
 
 // The next lane's value less each lane's; 0 in the last.
-static inline Lanes lanes_steps(Lanes a) { return a.s123456789abcdeff - a; }
+static INLINED Lanes lanes_steps(Lanes a) { return a.s123456789abcdeff - a; }
 
 // Sixteen vectors.
 typedef struct {
     Lanes x, y, z;
 } Lanes3;
 
-static inline Lanes lanes_dot(Lanes3 a, Lanes3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static INLINED Lanes lanes_dot(Lanes3 a, Lanes3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-static inline Lanes3 lanes_scaled(Lanes3 a, Lanes by)
+static INLINED Lanes3 lanes_scaled(Lanes3 a, Lanes by)
 {
     Lanes3 scaled = {a.x * by, a.y * by, a.z * by};
     return scaled;
@@ -50,15 +52,15 @@ static inline Lanes3 lanes_unit(Lanes3 a)
 }
 
 // a + by * b, of a vector that all lanes share
-static inline Lanes3 lanes_added(Lanes3 a, Lanes by, float3 b)
+static INLINED Lanes3 lanes_added(Lanes3 a, Lanes by, float3 b)
 {
     Lanes3 sum = {a.x + by * b.x, a.y + by * b.y, a.z + by * b.z};
     return sum;
 }
 
 // value - position * weight, rounded once, plus the same of the low parts.
-static inline Lanes lanes_shift(float value, float value_low, Lanes position, float weight,
-                                float weight_low)
+static INLINED Lanes lanes_shift(float value, float value_low, Lanes position, float weight,
+                                 float weight_low)
 {
     return fma(-position, (Lanes)(weight), (Lanes)(value))
            + fma(-position, (Lanes)(weight_low), (Lanes)(value_low));

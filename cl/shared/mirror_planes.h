@@ -20,7 +20,7 @@ static inline Lanes3 unmirrored(const Scene *scene, uint world, Lanes3 ways)
 
 // What is infinitely far is seen in these directions through the points (a, b) of a glossy mirror's
 // disc: those in which it lies.
-static inline Lanes3 unsheared(const Scene *scene, uint world, Lanes3 ways, Lanes a, Lanes b)
+static INLINED Lanes3 unsheared(const Scene *scene, uint world, Lanes3 ways, Lanes a, Lanes b)
 {
 #ifdef GLOSSY
     if (world == 0u) return ways;

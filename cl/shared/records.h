@@ -3,6 +3,8 @@
 #ifndef MB_RECORDS_H
 #define MB_RECORDS_H
 
+#include "shared/inlining.h"
+
 // A vertex in homogeneous pixel space, (X w, Y w, w). A point of the lens moves it by (u, v) times
 // circle: its circle of confusion, times w.
 typedef struct {

@@ -8,7 +8,7 @@
 // x^y for 0 < x <= 1 and y >= 0, to 1e-7 of the logarithm and 0 below 2^-40: by the series of
 // artanh for log2 and of exp. Devices' own pow serves all arguments, at ten times the cost, and its
 // tails are denormals, which cost a hundred cycles each.
-static inline Lanes lanes_power(Lanes x, float y)
+static INLINED Lanes lanes_power(Lanes x, float y)
 {
     int16 exponent = convert_int16(as_uint16(x) >> 23) - 127;
     Lanes m = as_float16((as_uint16(x) & 0x007fffffu) | 0x3f800000u); // [1, 2)
@@ -58,13 +58,13 @@ static Facets facets_of(const Gloss *gloss, Lanes3 color)
 
 // One channel of what ambient light, the same from all sides, makes of the facets: as if it came
 // head-on.
-static inline Lanes ambient_of(Lanes diffuse, Lanes mirrored)
+static INLINED Lanes ambient_of(Lanes diffuse, Lanes mirrored)
 {
     return diffuse * (1.0f - mirrored) + mirrored;
 }
 
 // Part of Smith's masking: 1 / (cosine + sqrt(alpha^2 + (1 - alpha^2) cosine^2)).
-static inline Lanes unmasked(Lanes cosine, Lanes alpha)
+static INLINED Lanes unmasked(Lanes cosine, Lanes alpha)
 {
     Lanes square = alpha * alpha;
     return 1.0f / (cosine + sqrt(square + (1.0f - square) * cosine * cosine));
@@ -73,8 +73,8 @@ static inline Lanes unmasked(Lanes cosine, Lanes alpha)
 // pi times the metallic-roughness model of glTF 2.0, appendix B.3, times the cosine of the light:
 // Lambert's, and GGX (Trowbridge & Reitz 1975, Walter et al. 2007) with Smith's masking, side by
 // side, and Schlick's approximation of Fresnel between them.
-static Lanes3 facets_reflect(const Facets *f, Lanes3 normal, Lanes3 view, Lanes3 towards,
-                             Lanes cosine)
+static INLINED Lanes3 facets_reflect(const Facets *f, Lanes3 normal, Lanes3 view, Lanes3 towards,
+                                     Lanes cosine)
 {
     Lanes3 half_way = {towards.x + view.x, towards.y + view.y, towards.z + view.z};
     half_way = lanes_unit(half_way);

@@ -78,8 +78,8 @@ typedef struct {
     Lanes across, down, least;
 } Spread;
 
-static Spread spread_over_time(const Added *first, const Added *last, Lanes tau, Lanes x, Lanes y,
-                               Lanes w)
+static INLINED Spread spread_over_time(const Added *first, const Added *last, Lanes tau, Lanes x,
+                                       Lanes y, Lanes w)
 {
     Lanes add[2][3];
     for (int i = 0; i < 6; i++) {

@@ -22,7 +22,7 @@ static inline Gaze gaze_at(Place place, uint world)
 }
 
 // Directions in which samples look at times t.
-static Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
+static INLINED Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
 {
     float times[LANES], way[3][LANES], px[LANES], py[LANES];
     vstore16(t, 0, times), vstore16(gaze->x, 0, px), vstore16(gaze->y, 0, py);
@@ -55,7 +55,8 @@ static Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
 static Lanes3 sky_light(const Scene *scene, Lanes3 ways, int count)
 {
     CubeMap map = scene->maps[0];
-    return cube_light(&map, scene->map_texels, ways, (Lanes)(0.0f), (Lanes)(0.0f), count);
+    Lanes zero = 0.0f;
+    return cube_light(&map, scene->map_texels, ways, &zero, &zero, count);
 }
 
 #endif

@@ -23,7 +23,7 @@ static TextureLevel texture_level(global const float4 *texels, Texture texture, 
 }
 
 // Fold whole coordinates of texels, of less than 2^22, into [0, size).
-static inline int16 wrap_texels(Lanes i, int size, uint wrap)
+static INLINED int16 wrap_texels(Lanes i, int size, uint wrap)
 {
     if (wrap == WRAP_CLAMP)
         return convert_int16(lanes_min(lanes_max(i, 0.0f), (Lanes)(size - 1.0f)));
@@ -34,9 +34,9 @@ static inline int16 wrap_texels(Lanes i, int size, uint wrap)
 
 // Bilinear look-ups at the first `count` places, others are zero; texel centres at one half, v
 // points up.
-static Colors bilinear(TextureLevel level, Lanes u, Lanes v, int count)
+static Colors bilinear(TextureLevel level, const Lanes *u, const Lanes *v, int count)
 {
-    Lanes x = u * (float)level.width - 0.5f, y = (1.0f - v) * (float)level.height - 0.5f;
+    Lanes x = *u * (float)level.width - 0.5f, y = (1.0f - *v) * (float)level.height - 0.5f;
     x = lanes_min(lanes_max(x, -1e6f), (Lanes)(1e6f)); // a whole number must hold them
     y = lanes_min(lanes_max(y, -1e6f), (Lanes)(1e6f));
     Lanes x0 = floor(x), y0 = floor(y);
@@ -70,16 +70,17 @@ static Colors bilinear(TextureLevel level, Lanes u, Lanes v, int count)
 }
 
 // Trilinear look-ups at mip level `level` and the first `count` places; others are zero.
-static Colors texture_at(global const float4 *texels, Texture texture, Lanes u, Lanes v,
-                         float level, int count)
+static Colors texture_at(global const float4 *texels, Texture texture, const Lanes *us,
+                         const Lanes *vs, float level, int count)
 {
+    Lanes u = *us, v = *vs;
     level = clamp(level, 0.0f, texture.levels - 1.0f);
     uint below = min((uint)level, texture.levels - 1), above = min(below + 1, texture.levels - 1);
     if (texture.wrap != WRAP_CLAMP)
         u -= floor(u / 2.0f) * 2.0f, v -= floor(v / 2.0f) * 2.0f;
-    Colors fine = bilinear(texture_level(texels, texture, below), u, v, count);
+    Colors fine = bilinear(texture_level(texels, texture, below), &u, &v, count);
     if (above == below || level == below) return fine;
-    Colors coarse = bilinear(texture_level(texels, texture, above), u, v, count);
+    Colors coarse = bilinear(texture_level(texels, texture, above), &u, &v, count);
     Lanes part = level - below;
 #ifdef ALPHA_VARIES
     fine.alpha = mix(fine.alpha, coarse.alpha, part);
@@ -153,11 +154,11 @@ static float4 texel_over(global const float4 *texels, Texture texture, float2 uv
 }
 
 // Likewise of sixteen, the first `count` of which matter; others are zero.
-static Colors texture_over(global const float4 *texels, Texture texture, Lanes u, Lanes v,
-                           const Footprint *f, float least, int count)
+static Colors texture_over(global const float4 *texels, Texture texture, const Lanes *u,
+                           const Lanes *v, const Footprint *f, float least, int count)
 {
     float us[LANES], vs[LANES], u_right[LANES], v_right[LANES], u_down[LANES], v_down[LANES];
-    vstore16(u, 0, us), vstore16(v, 0, vs);
+    vstore16(*u, 0, us), vstore16(*v, 0, vs);
     vstore16(f->u_right, 0, u_right), vstore16(f->v_right, 0, v_right);
     vstore16(f->u_down, 0, u_down), vstore16(f->v_down, 0, v_down);
     float found[4][LANES];

@@ -2,11 +2,13 @@
 #ifndef MB_WIDE_H
 #define MB_WIDE_H
 
+#include "shared/inlining.h"
+
 #define WIDE 8
 typedef double8 Wide;
 typedef long8 WideMask;
 
-static inline Wide wide_max(Wide a, Wide b) { return a > b ? a : b; }
-static inline Wide wide_min(Wide a, Wide b) { return a < b ? a : b; }
+static INLINED Wide wide_max(Wide a, Wide b) { return a > b ? a : b; }
+static INLINED Wide wide_min(Wide a, Wide b) { return a < b ? a : b; }
 
 #endif

@@ -67,7 +67,7 @@ static Boxes boxes_of(global const Vertex *vertices, global const Mesh *meshes,
     return boxes;
 }
 
-static inline float least(Lanes a)
+static INLINED float least(Lanes a)
 {
     const float4 *part = (const float4 *)&a;
     float4 b = part[0] < part[1] ? part[0] : part[1], c = part[2] < part[3] ? part[2] : part[3];

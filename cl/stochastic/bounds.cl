@@ -8,7 +8,7 @@
 // products.
 static float power_of_two_for(double most) { return (float)exp2(-floor(log2(fmax(most, 1e-37)))); }
 
-static double determinant(double3 a, double3 b, double3 c)
+static INLINED double determinant(double3 a, double3 b, double3 c)
 {
     return a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z)
            + a.z * (b.x * c.y - b.y * c.x);

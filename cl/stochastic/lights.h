@@ -9,7 +9,8 @@
 
 #ifdef GLOSSY
 // What samples' shear adds to (x, y, w) of a vertex that moves from a to b.
-static Doubles3 added_to(const Shear *shear, Vertex a, Vertex b, double16 tau, const Samples *s)
+static INLINED Doubles3 added_to(const Shear *shear, Vertex a, Vertex b, double16 tau,
+                                 const Samples *s)
 {
     double first = shear_height(shear, 0, a.x, a.y, a.w);
     double last = shear_height(shear, 1, b.x, b.y, b.w);
@@ -71,7 +72,7 @@ static Doubles3 points_seen(const Tile *tile, Path path, const Samples *samples)
 
 // Whether the nearest surface of the map's texel, at a time of the sample's stratum, lies before
 // the point by more than the bias: SHADOW_BIAS times a texel's size there.
-static bool is_hidden(const Tile *tile, uint index, double3 p, float t)
+static INLINED bool is_hidden(const Tile *tile, uint index, double3 p, float t)
 {
     global const LightView *view = tile->light_views + index;
     global const double *m = view->matrix;
@@ -88,8 +89,8 @@ static bool is_hidden(const Tile *tile, uint index, double3 p, float t)
     return nearest + SHADOW_BIAS * view->texel * w < depth;
 }
 
-static Lanes mapped_share(const Tile *tile, const ShadowLight *light, const Doubles3 *points,
-                          Lanes t)
+static INLINED Lanes mapped_share(const Tile *tile, const ShadowLight *light,
+                                  const Doubles3 *points, Lanes t)
 {
     float share[LANES];
     for (int i = 0; i < LANES; i++) {

@@ -35,7 +35,8 @@ static inline uint mirror_seen(const Tile *tile, uint owner)
 }
 
 // Those of the samples that see the mirror of this world before `depth`.
-static LaneMask seen_in_mirror(const Tile *tile, uint path, int index, LaneMask mask, Lanes depth)
+static INLINED LaneMask seen_in_mirror(const Tile *tile, uint path, int index, LaneMask mask,
+                                       Lanes depth)
 {
     if (!tile->in_mirrors || !any_lane(mask)) return mask;
     uint world = mesh_of(tile, path)->world;

@@ -92,7 +92,7 @@ static float load_added(const Tile *tile, Path path, double scale, double x, dou
 }
 
 // What the samples' shear adds to x, y or w (0, 1, 2) of vertex i at time tau.
-static inline Lanes sheared_by(const Moving *m, int which, int i, const Samples *s, Lanes tau)
+static INLINED Lanes sheared_by(const Moving *m, int which, int i, const Samples *s, Lanes tau)
 {
     float a = m->first[i].by[0][which], b = m->first[i].by[1][which];
     float da = m->last[i].by[0][which] - a, db = m->last[i].by[1][which] - b;
@@ -101,7 +101,7 @@ static inline Lanes sheared_by(const Moving *m, int which, int i, const Samples 
 #endif
 
 #ifdef TEST_EDGES
-static bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
+static INLINED bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
 {
     if (p0.x != q0.x) return p0.x < q0.x;
     if (p0.y != q0.y) return p0.y < q0.y;
@@ -129,7 +129,7 @@ static void edge_over_time(const double3 *q, const double3 *r, int i, float coef
 }
 
 // Edge function i at the samples.
-static inline Lanes edge_at(const Moving *m, int i, const Samples *s, Lanes tau)
+static INLINED Lanes edge_at(const Moving *m, int i, const Samples *s, Lanes tau)
 {
     Lanes factor[3];
     for (int k = 0; k < 3; k++) {
@@ -190,16 +190,16 @@ static Moving load_moving(const Tile *tile, uint index)
 }
 
 // Place of a time of the shutter in the segment.
-static inline Lanes time_in_segment(const Moving *m, Lanes t) { return (t - m->open) * m->rate; }
+static INLINED Lanes time_in_segment(const Moving *m, Lanes t) { return (t - m->open) * m->rate; }
 
 // Segments are half-open, but the shutter's last moment belongs to its last one.
-static inline LaneMask in_segment(const Moving *m, Lanes t)
+static INLINED LaneMask in_segment(const Moving *m, Lanes t)
 {
     return (t >= m->open) & ((t < m->close) | (LaneMask)(m->close >= 1.0f ? -1 : 0));
 }
 
 // Vertex i of the triangle at time tau, relative to the samples.
-static inline Lanes3 vertex_at(const Moving *m, int i, const Samples *s, Lanes tau)
+static INLINED Lanes3 vertex_at(const Moving *m, int i, const Samples *s, Lanes tau)
 {
     Lanes3 p;
     p.z = fma(tau, (Lanes)(m->dw[i]), (Lanes)(m->w[i]));
@@ -221,10 +221,10 @@ static inline Lanes3 vertex_at(const Moving *m, int i, const Samples *s, Lanes t
     return p;
 }
 
-static inline Lanes edge_of(Lanes3 a, Lanes3 b) { return a.x * b.y - b.x * a.y; }
+static INLINED Lanes edge_of(Lanes3 a, Lanes3 b) { return a.x * b.y - b.x * a.y; }
 
 // Sign, or 0 for a degenerate edge, of an edge function that float32 has as zero.
-static int exact_sign(double3 a, double3 b)
+static INLINED int exact_sign(double3 a, double3 b)
 {
     double p = a.x * b.y, q = b.x * a.y;
     if (p == q) p = b.z * a.y, q = a.z * b.y; // along x
@@ -233,7 +233,7 @@ static int exact_sign(double3 a, double3 b)
 }
 
 // Those of the lanes in which one edge function is zero that are hits nevertheless.
-static LaneMask exact_hits(LaneMask unsure, const Lanes3 *p, bool single_sided)
+static INLINED LaneMask exact_hits(LaneMask unsure, const Lanes3 *p, bool single_sided)
 {
     float v[9][LANES];
     int mask[LANES];
@@ -252,7 +252,7 @@ static LaneMask exact_hits(LaneMask unsure, const Lanes3 *p, bool single_sided)
 }
 
 // Which of the samples in `mask` the triangle covers, and its depth there.
-static inline LaneMask covered(const Moving *m, const Samples *s, LaneMask mask, Lanes *depth)
+static INLINED LaneMask covered(const Moving *m, const Samples *s, LaneMask mask, Lanes *depth)
 {
     Lanes tau = time_in_segment(m, s->t);
     Lanes3 p[3];

@@ -37,7 +37,7 @@ static Seeds seeds_of(const Tile *tile, int block)
 
 #if defined(PATTERN_JITTERED) || defined(PATTERN_FIXED)
 // Place of l in a random order of 0 ... SAMPLES - 1, one for each seed (Kensler 2013).
-static uint16 permuted(uint l, uint16 seed)
+static INLINED uint16 permuted(uint l, uint16 seed)
 {
     uint mask = SAMPLES - 1;
     mask |= mask >> 1, mask |= mask >> 2, mask |= mask >> 4, mask |= mask >> 8;
@@ -61,8 +61,8 @@ static uint16 permuted(uint l, uint16 seed)
 #define GRID_Y (SAMPLES / GRID_X)
 
 // A random point in the cell of that number of a grid of GRID_X x GRID_Y.
-static inline void jitter_in_cell(uint16 cell, uint l, uint16 seed_x, uint16 seed_y, Lanes *x,
-                                  Lanes *y)
+static INLINED void jitter_in_cell(uint16 cell, uint l, uint16 seed_x, uint16 seed_y, Lanes *x,
+                                   Lanes *y)
 {
     *x = (convert_float16(cell % GRID_X) + hashed(l, seed_x)) * (1.0f / GRID_X);
     *y = (convert_float16(cell / GRID_X) + hashed(l, seed_y)) * (1.0f / GRID_Y);
@@ -141,7 +141,8 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 // both. Where a sample lies in its pixel repeats every 2 x 2 pixels, so that with the four nearest
 // samples of neighbours (rgss.cl) a pixel has eight times, and no two samples of one quarter share
 // a row or a column. (This arrangement is one of the four that exist.)
-static void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y, Drawn *d)
+static INLINED void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y,
+                                      Drawn *d)
 {
     int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
     int16 place = (int)l ^ (x & 1 | (y & 1) << 1);
@@ -160,7 +161,8 @@ static void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, Lanes pix
 // Fatahalian et al. 2009: four times as many pairs of a time and a lens point as a pixel has
 // samples, the same in every tile of 2 x 2 pixels; which of the tile's pixels has which pair is
 // drawn anew for each tile, within each four that follow one another in time.
-static void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y, Drawn *d)
+static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y,
+                                     Drawn *d)
 {
     int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
     uint16 quad = mix_lanes(convert_uint16(x >> 1) ^ mix_lanes(convert_uint16(y >> 1)
@@ -207,7 +209,7 @@ static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
 
 #ifdef FILTER_TABLE
 // Where in the filter's reach the fraction `share` of its weight lies to the left.
-static Lanes warped_to_filter(const Tile *tile, Lanes share)
+static INLINED Lanes warped_to_filter(const Tile *tile, Lanes share)
 {
     float out[LANES];
     vstore16(share * FILTER_TABLE, 0, out);
@@ -220,7 +222,7 @@ static Lanes warped_to_filter(const Tile *tile, Lanes share)
 #endif
 
 // From shares of the light that has passed to times of the shutter.
-static Lanes times_of_light(const Tile *tile, int block, Lanes passed)
+static INLINED Lanes times_of_light(const Tile *tile, int block, Lanes passed)
 {
 #if defined(SHUTTER_CURVE) || defined(ROLLING)
     float t[LANES];
@@ -276,7 +278,7 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
 #ifdef REORDERED
 // What samples of a pixel are ordered by, so that those of a slab are alike: time; the lens, along
 // a Z-shaped curve of its cells; or both.
-static inline uint16 order_key(Lanes t, Lanes u, Lanes v)
+static INLINED uint16 order_key(Lanes t, Lanes u, Lanes v)
 {
 #ifdef LENS
     uint16 a = convert_uint16(u * 16.0f), b = convert_uint16(v * 16.0f), key = 0u;

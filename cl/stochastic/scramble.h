@@ -10,10 +10,10 @@
 #include "shared/lanes.h"
 #include "shared/sobol.h"
 
-static inline Lanes unit_lanes(uint16 x) { return convert_float16(as_int16(x >> 8)) * 0x1p-24f; }
+static INLINED Lanes unit_lanes(uint16 x) { return convert_float16(as_int16(x >> 8)) * 0x1p-24f; }
 
 // Owen's nested scrambling of a binary fraction, one for each seed.
-static inline Lanes scrambled(uint bits, uint16 seed)
+static INLINED Lanes scrambled(uint bits, uint16 seed)
 {
     uint16 x = reverse_bits(bits);
     x ^= x * 0x3d20adeau;
@@ -25,7 +25,7 @@ static inline Lanes scrambled(uint bits, uint16 seed)
 }
 
 // A random number that belongs to l and the seed.
-static inline Lanes hashed(uint l, uint16 seed)
+static INLINED Lanes hashed(uint l, uint16 seed)
 {
     return unit_lanes(mix_lanes(seed ^ l * 0x9e3779b9u));
 }

@@ -117,13 +117,13 @@ static void color_samples(Tile *tile, const Surface *surface, const int *list, i
         for (int i = 0; i < count; i++) colors[i] = path_color(tile, surface->path);
     } else if (shaded_once(&surface->shaded)) {
         Samples mean = mean_of_listed(tile, list, count, &w);
-        Colors color = surface_colors(tile, surface, &mean, w, 1);
+        Colors color = surface_colors(tile, surface, &mean, &w, 1);
         for (int i = 0; i < count; i++) colors[i] = color_of_lane(&color, 0);
     } else {
         for (int from = 0; from < count; from += LANES) {
             int here = min(count - from, LANES);
             Samples samples = gather_listed(tile, list + from, here, &w);
-            Colors color = surface_colors(tile, surface, &samples, w, here);
+            Colors color = surface_colors(tile, surface, &samples, &w, here);
             for (int i = 0; i < here; i++) colors[from + i] = color_of_lane(&color, i);
         }
     }

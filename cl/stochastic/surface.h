@@ -66,9 +66,9 @@ static Attributes surface_attributes(const Surface *surface, const Samples *samp
     return blend_corners(s, weights);
 }
 
-// Colours of the surface at samples, `count` of which matter.
+// Colours of the surface at samples with these depths, `count` of which matter.
 static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *samples,
-                             Lanes w, int count)
+                             const Lanes *depth, int count)
 {
     const Shaded *s = &surface->shaded;
     Attributes a = surface_attributes(surface, samples);
@@ -80,7 +80,7 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
 #ifdef COUNT_TEXELS
         count_texels(tile, texture, a.u, a.v, count);
 #endif
-        Colors texel = texture_at(tile->scene.texels, texture, a.u, a.v, 0.0f, count);
+        Colors texel = texture_at(tile->scene.texels, texture, &a.u, &a.v, 0.0f, count);
 #ifdef ALPHA_VARIES
         texel = unpremultiplied(texel);
 #endif
@@ -89,23 +89,23 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
 #endif
 #ifdef LIT
     if (s->material.flags & MATERIAL_LIT) {
-        Lanes across = samples->x, down = samples->y;
-        w = lanes_min(lanes_max(w, (Lanes)(1e-30f)), (Lanes)(1e30f));
+        Lanes w = lanes_min(lanes_max(*depth, (Lanes)(1e-30f)), (Lanes)(1e30f));
+        Sight sight = {samples->t, w, samples->x, samples->y};
 #ifdef SHADOWS
         light_at_samples(tile, surface->path, samples, a.lit);
 #endif
 #ifdef LENS
-        across -= samples->u * a.circle / w, down -= samples->v * a.circle / w;
+        sight.across -= samples->u * a.circle / w, sight.down -= samples->v * a.circle / w;
 #endif
 #ifdef GLOSSY
         const float middle_x = tile->x + HALF, middle_y = tile->y + HALF;
-        undo_shear(s, &a, samples->a, samples->b, samples->t, samples->x + middle_x,
-                   samples->y + middle_y, &w, &across, &down);
+        undo_shear(s, &a, samples->a, samples->b, samples->x + middle_x, samples->y + middle_y,
+                   &sight);
 #endif
 #ifdef METALLIC
         load_gloss(&tile->scene, s, &a, 0.0f, count);
 #endif
-        color = reflect_light(&tile->scene, s, &a, color, samples->t, w, across, down, count);
+        color = reflect_light(&tile->scene, s, &a, color, &sight, count);
 #ifdef EMISSION
         color = with_emission(&tile->scene, s, &a, color, 0.0f, count);
 #endif
@@ -117,7 +117,7 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
 
 #ifdef ALPHA_VARIES
 // Alpha of the surface at samples that it covers.
-static Lanes alpha_at_samples(Tile *tile, const Surface *surface, const Samples *samples)
+static INLINED Lanes alpha_at_samples(Tile *tile, const Surface *surface, const Samples *samples)
 {
     const Shaded *s = &surface->shaded;
     Attributes a = surface_attributes(surface, samples);

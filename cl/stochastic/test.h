@@ -10,8 +10,8 @@
 // Samples at which what is translucent is there: each surface with its alpha's probability, drawn
 // for it and the sample alone (Enderton et al. 2010, 3). Nothing needs an order then, and the mean
 // is that of all layers blended.
-static LaneMask there_by_chance(Tile *tile, const Moving *m, const Samples *samples,
-                                int slab, int block, LaneMask mask)
+static INLINED LaneMask there_by_chance(Tile *tile, const Moving *m, const Samples *samples,
+                                        int slab, int block, LaneMask mask)
 {
     if (!(m->alpha < 1.0f)) return mask;
     Lanes alpha = m->alpha;
@@ -29,8 +29,8 @@ static LaneMask there_by_chance(Tile *tile, const Moving *m, const Samples *samp
 
 // Of equal depths the path that comes first is seen, so that the order of paths plays no part. A
 // path that is `first`, nearer than all that the slab has seen, needs no comparison.
-static inline void test_samples(Tile *tile, const Moving *m, int slab, int block, LaneMask mask,
-                                bool first)
+static INLINED void test_samples(Tile *tile, const Moving *m, int slab, int block, LaneMask mask,
+                                 bool first)
 {
     int index = sample_index(slab, block);
     Samples samples = load_samples(tile, index);

@@ -19,7 +19,7 @@ static void fetch_line(Tile *tile, uint line, int set)
 }
 
 // Count the look-ups at the first `count` places, which are those of texture_at at level 0.
-static void count_texels(Tile *tile, Texture texture, Lanes u, Lanes v, int count)
+static INLINED void count_texels(Tile *tile, Texture texture, Lanes u, Lanes v, int count)
 {
     if (texture.wrap != WRAP_CLAMP)
         u -= floor(u / 2.0f) * 2.0f, v -= floor(v / 2.0f) * 2.0f;

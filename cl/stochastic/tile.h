@@ -135,20 +135,20 @@ typedef struct {
 static inline int sample_index(int slab, int block) { return (slab * BLOCKS + block) * LANES; }
 
 // Pixel of the tile in each lane of a block.
-static inline Lanes block_x(int block)
+static INLINED Lanes block_x(int block)
 {
     const Lanes x = (Lanes)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
     return x + (float)(block % (TILE / BLOCK) * BLOCK);
 }
 
-static inline Lanes block_y(int block)
+static INLINED Lanes block_y(int block)
 {
     const Lanes y = (Lanes)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
     return y + (float)(block / (TILE / BLOCK) * BLOCK);
 }
 
 // A random number for each pixel of a block.
-static inline uint16 pixel_seeds(const Tile *tile, int block)
+static INLINED uint16 pixel_seeds(const Tile *tile, int block)
 {
     uint16 x = convert_uint16(convert_int16(block_x(block)) + tile->x);
     uint16 y = convert_uint16(convert_int16(block_y(block)) + tile->y);
@@ -169,20 +169,20 @@ static inline int pixel_of(int block, int lane)
     return (block / (TILE / BLOCK) * BLOCK + lane / BLOCK) * TILE + x;
 }
 
-static inline Lanes load(global const float *values, int index)
+static INLINED Lanes load(global const float *values, int index)
 {
     return vload16(0, values + index);
 }
 
 // By parts of four: Oclgrind takes halves of halves for unwritten.
-static inline bool any_lane(LaneMask mask)
+static INLINED bool any_lane(LaneMask mask)
 {
     const int4 *part = (const int4 *)&mask;
     int4 any = (part[0] | part[1]) | (part[2] | part[3]);
     return (any.x | any.y | any.z | any.w) != 0;
 }
 
-static inline float greatest_lane(Lanes a)
+static INLINED float greatest_lane(Lanes a)
 {
     const float4 *part = (const float4 *)&a;
     float4 b = part[0] > part[1] ? part[0] : part[1], c = part[2] > part[3] ? part[2] : part[3];
@@ -190,9 +190,9 @@ static inline float greatest_lane(Lanes a)
     return fmax(fmax(b.x, b.y), fmax(b.z, b.w));
 }
 
-static inline float least_lane(Lanes a) { return -greatest_lane(-a); }
+static INLINED float least_lane(Lanes a) { return -greatest_lane(-a); }
 
-static inline uint count_lanes(LaneMask mask)
+static INLINED uint count_lanes(LaneMask mask)
 {
     const int4 *part = (const int4 *)&mask;
     int4 sum = (part[0] + part[1]) + (part[2] + part[3]); // true is -1

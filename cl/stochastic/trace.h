@@ -34,7 +34,7 @@ typedef struct {
     bool ends;
 } Rays;
 
-static inline Doubles3 doubles_added(Doubles3 a, double16 by, Doubles3 b)
+static INLINED Doubles3 doubles_added(Doubles3 a, double16 by, Doubles3 b)
 {
     Doubles3 sum = {a.x + by * b.x, a.y + by * b.y, a.z + by * b.z};
     return sum;
@@ -46,15 +46,15 @@ static inline Doubles3 doubles_cross(Doubles3 a, Doubles3 b)
     return product;
 }
 
-static inline double16 doubles_dot(Doubles3 a, Doubles3 b)
+static INLINED double16 doubles_dot(Doubles3 a, Doubles3 b)
 {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-static inline double16 doubles_size(Doubles3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); }
+static INLINED double16 doubles_size(Doubles3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); }
 
 // A vertex at times tau of its motion segment.
-static inline Doubles3 world_at(const Occluders *o, uint vertex, uint step, double16 tau)
+static INLINED Doubles3 world_at(const Occluders *o, uint vertex, uint step, double16 tau)
 {
     Vertex a = o->world[vertex], b = o->world[vertex + step];
     Doubles3 at = {a.x + tau * (b.x - a.x), a.y + tau * (b.y - a.y), a.w + tau * (b.w - a.w)};
@@ -63,8 +63,8 @@ static inline Doubles3 world_at(const Occluders *o, uint vertex, uint step, doub
 
 // Which rays meet the path, where along them, and where on it: the corners' shares times any
 // number.
-static LaneMask rays_meet(const Occluders *o, Path path, const Rays *r, double16 *place,
-                          double16 *shares)
+static INLINED LaneMask rays_meet(const Occluders *o, Path path, const Rays *r, double16 *place,
+                                  double16 *shares)
 {
     double16 tau = (convert_double16(r->t) - path.open) / path_length(path);
     const uint corner[3] = {path.a, path.b, path.c};
@@ -97,7 +97,7 @@ typedef struct {
     float end;
 } FloatRays;
 
-static inline Lanes one_over(double16 way)
+static INLINED Lanes one_over(double16 way)
 {
     Lanes w = convert_float16(way);
     return 1.0f / (fabs(w) > 1e-30f ? w : (Lanes)(1e-30f));
@@ -113,7 +113,7 @@ static FloatRays float_rays(const Rays *r)
     return f;
 }
 
-static LaneMask rays_enter(global const TreeNode *node, const FloatRays *r)
+static INLINED LaneMask rays_enter(global const TreeNode *node, const FloatRays *r)
 {
     Lanes x0 = (node->low[0] - r->from.x) * r->over.x, x1 = (node->high[0] - r->from.x) * r->over.x;
     Lanes y0 = (node->low[1] - r->from.y) * r->over.y, y1 = (node->high[1] - r->from.y) * r->over.y;
@@ -125,7 +125,7 @@ static LaneMask rays_enter(global const TreeNode *node, const FloatRays *r)
            & (r->t >= node->open) & (r->t <= node->close);
 }
 
-static inline bool some_lane(LaneMask mask)
+static INLINED bool some_lane(LaneMask mask)
 {
     const int4 *part = (const int4 *)&mask;
     int4 any = (part[0] | part[1]) | (part[2] | part[3]);
@@ -133,7 +133,8 @@ static inline bool some_lane(LaneMask mask)
 }
 
 // Share of the light that the path lets through where the rays meet it: 1 - alpha.
-static Lanes passed_share(const Occluders *o, uint index, const Rays *r, const double16 *shares)
+static INLINED Lanes passed_share(const Occluders *o, uint index, const Rays *r,
+                                  const double16 *shares)
 {
     Path path = o->paths[index];
 #ifdef ALPHA_VARIES
@@ -151,7 +152,7 @@ static Lanes passed_share(const Occluders *o, uint index, const Rays *r, const d
 }
 
 // Share of light that passes along each ray, which starts on the path `own`.
-static Lanes light_share(const Occluders *o, const Rays *rays, uint own)
+static INLINED Lanes light_share(const Occluders *o, const Rays *rays, uint own)
 {
     FloatRays f = float_rays(rays);
     Lanes share = 1.0f;
@@ -180,7 +181,7 @@ static Lanes light_share(const Occluders *o, const Rays *rays, uint own)
 }
 
 // Where along each ray it meets the first path that is not wholly transparent.
-static double16 first_place(const Occluders *o, const Rays *rays)
+static INLINED double16 first_place(const Occluders *o, const Rays *rays)
 {
     FloatRays f = float_rays(rays);
     double16 nearest = INFINITY;

@@ -11,7 +11,7 @@ kernel void lookups(global const float4 *texels, global const Texture *textures,
 {
     for (uint i = 0; i < count; i++) {
         Lanes u = uvs[2 * i], v = uvs[2 * i + 1];
-        Colors found = texture_at(texels, textures[0], u, v, levels[i], 6);
+        Colors found = texture_at(texels, textures[0], &u, &v, levels[i], 6);
         vstore4((float4)(found.x.s5, found.y.s5, found.z.s5, found.alpha.s5), i, colors);
     }
 }
@@ -24,7 +24,8 @@ kernel void footprints(global const float4 *texels, global const Texture *textur
     for (uint i = 0; i < count; i++) {
         global const float *g = given + 7 * i;
         Footprint f = {g[2], g[3], g[4], g[5]};
-        Colors found = texture_over(texels, textures[0], (Lanes)(g[0]), (Lanes)(g[1]), &f, g[6], 6);
+        Lanes u = g[0], v = g[1];
+        Colors found = texture_over(texels, textures[0], &u, &v, &f, g[6], 6);
         vstore3((float3)(found.x.s5, found.y.s5, found.z.s5), i, colors);
     }
 }

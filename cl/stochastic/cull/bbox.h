@@ -19,16 +19,16 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return true;
 }
 
-static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
-                             Bounded *bounded)
+static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
+                                     Bounded *bounded)
 {
     bounded->unused = 0;
     return tiles_in_path_box(tile, &cull->box, block);
 }
 
-static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                    const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                    LaneMask mask)
+static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
+                                     LaneMask mask)
 {
     return mask;
 }

@@ -14,8 +14,8 @@ typedef struct {
 } Touched;
 
 // Least and greatest place on screen of a vertex at one time and anywhere on a part of the lens.
-static inline void widen(Lanes place, Lanes blur_low, Lanes blur_high, Lanes slack, Lanes *low,
-                         Lanes *high)
+static INLINED void widen(Lanes place, Lanes blur_low, Lanes blur_high, Lanes slack, Lanes *low,
+                          Lanes *high)
 {
     *low = lanes_min(*low, place + blur_low - slack);
     *high = lanes_max(*high, place + blur_high + slack);

@@ -66,7 +66,7 @@ static Box screen_box(const Moving *m, const Stratum *s)
 #define CULL_TILE 1
 #endif
 
-static inline Lanes tile_middle(const Tile *tile, Lanes pixel)
+static INLINED Lanes tile_middle(const Tile *tile, Lanes pixel)
 {
     Lanes first = floor(pixel * (1.0f / CULL_TILE)) * CULL_TILE;
     return first + (0.5f * (CULL_TILE - 1 + tile->reach_low + tile->reach_high) - HALF);
@@ -77,14 +77,14 @@ static inline float tile_half(const Tile *tile)
     return 0.5f * (CULL_TILE - 1 + tile->reach_high - tile->reach_low) * (1.0f + 1e-6f);
 }
 
-static inline LaneMask tiles_in_box(const Box *box, Lanes x, Lanes y, float half_size)
+static INLINED LaneMask tiles_in_box(const Box *box, Lanes x, Lanes y, float half_size)
 {
     return (x + half_size >= box->left) & (x - half_size <= box->right)
            & (y + half_size >= box->top) & (y - half_size <= box->bottom);
 }
 
 // Which pixels of a block lie in tiles that touch the box of a path.
-static inline LaneMask tiles_in_path_box(Tile *tile, const Box *box, int block)
+static INLINED LaneMask tiles_in_path_box(Tile *tile, const Box *box, int block)
 {
     Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     LaneMask in = tiles_in_box(box, x, y, tile_half(tile));
@@ -94,7 +94,7 @@ static inline LaneMask tiles_in_path_box(Tile *tile, const Box *box, int block)
 
 // Least and greatest t in [0, 1] at which a + (b - a) t <= 0, given slack for rounding; low > high
 // where there is none.
-static inline void below_zero(Lanes a, Lanes b, Lanes *low, Lanes *high)
+static INLINED void below_zero(Lanes a, Lanes b, Lanes *low, Lanes *high)
 {
     Lanes cross = a / (a - b);
     LaneMask starts = a <= 0.0f, ends = b <= 0.0f;

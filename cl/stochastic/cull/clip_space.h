@@ -44,8 +44,8 @@ typedef struct {
     float circle[6];
 } Relative;
 
-static void relative_to(const Moving *m, const float *p, const float *dp, Lanes place, float size,
-                        Relative *r)
+static INLINED void relative_to(const Moving *m, const float *p, const float *dp, Lanes place,
+                                float size, Relative *r)
 {
     for (int k = 0; k < 6; k++) {
         int i = k % 3;
@@ -115,8 +115,8 @@ static Line line_of(const Lanes *a, const float *c, float sign)
     return line;
 }
 
-static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
-                             Bounded *b)
+static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
+                                     Bounded *b)
 {
     Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     float size = tile_half(tile);
@@ -138,9 +138,9 @@ static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int 
     return in;
 }
 
-static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                    const Bounded *b, const Samples *s, Lanes tau, int slab,
-                                    LaneMask mask)
+static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                     const Bounded *b, const Samples *s, Lanes tau, int slab,
+                                     LaneMask mask)
 {
 #ifdef LENS
     mask &= (s->u >= b->low[0]) & (s->u <= b->high[0]) & (s->v >= b->low[1]) & (s->v <= b->high[1]);

@@ -32,8 +32,8 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
 }
 
 // Widen the bounds of one axis by corner i as seen from one side of the pixels.
-static void add_corner(const Moving *m, int i, const float *p, const float *dp, Lanes place,
-                       int axis, Bounded *b)
+static INLINED void add_corner(const Moving *m, int i, const float *p, const float *dp, Lanes place,
+                               int axis, Bounded *b)
 {
     Lanes a0 = p[i] - place * m->w[i], a1 = p[i] + dp[i] - place * (m->w[i] + m->dw[i]);
     float c0 = 0.0f, c1 = 0.0f;
@@ -53,8 +53,8 @@ static void add_corner(const Moving *m, int i, const float *p, const float *dp, 
     b->t_low[axis][1] = lanes_min(b->t_low[axis][1], at_zero + slope);
 }
 
-static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
-                             Bounded *b)
+static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
+                                     Bounded *b)
 {
     Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     float size = tile_half(tile);
@@ -74,9 +74,9 @@ static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int 
     return in;
 }
 
-static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                    const Bounded *b, const Samples *s, Lanes tau, int slab,
-                                    LaneMask mask)
+static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                     const Bounded *b, const Samples *s, Lanes tau, int slab,
+                                     LaneMask mask)
 {
     Lanes lens[2] = {0.0f, 0.0f};
 #ifdef LENS

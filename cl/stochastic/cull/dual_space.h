@@ -102,7 +102,7 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
 }
 
 // Times at which the axis' range of delta holds 0.
-static void bound_time(const Axis *axis, Lanes gamma, Lanes *low, Lanes *high)
+static INLINED void bound_time(const Axis *axis, Lanes gamma, Lanes *low, Lanes *high)
 {
     below_zero(axis->least[0] + axis->least_by[0] * gamma,
                axis->least[1] + axis->least_by[1] * gamma, low, high);
@@ -113,7 +113,7 @@ static void bound_time(const Axis *axis, Lanes gamma, Lanes *low, Lanes *high)
 
 #ifdef LENS
 // Lens coordinates, in [-1, 1], at which the box of that axis reaches the tile at `place`.
-static void bound_lens(const Axis *axis, Lanes place, float size, Lanes *low, Lanes *high)
+static INLINED void bound_lens(const Axis *axis, Lanes place, float size, Lanes *low, Lanes *high)
 {
     Lanes first = 0.0f, last = 1.0f;
     if (axis->low[0] > -INFINITY)
@@ -124,8 +124,8 @@ static void bound_lens(const Axis *axis, Lanes place, float size, Lanes *low, La
 }
 #endif
 
-static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
-                             Bounded *b)
+static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
+                                     Bounded *b)
 {
     Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     float size = tile_half(tile);
@@ -143,9 +143,9 @@ static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int 
     return in;
 }
 
-static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                    const Bounded *b, const Samples *s, Lanes tau, int slab,
-                                    LaneMask mask)
+static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                     const Bounded *b, const Samples *s, Lanes tau, int slab,
+                                     LaneMask mask)
 {
 #ifdef LENS
     mask &= (s->u >= b->u_low) & (s->u <= b->u_high) & (s->v >= b->v_low) & (s->v <= b->v_high);

@@ -64,8 +64,8 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return true;
 }
 
-static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
-                             Bounded *bounded)
+static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
+                                     Bounded *bounded)
 {
     Lanes x = tile_middle(tile, block_x(block)), y = tile_middle(tile, block_y(block));
     float size = tile_half(tile);
@@ -77,9 +77,9 @@ static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int 
     return in;
 }
 
-static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                    const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                    LaneMask mask)
+static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
+                                     LaneMask mask)
 {
     return mask;
 }

@@ -22,8 +22,8 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return true;
 }
 
-static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
-                             Bounded *bounded)
+static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
+                                     Bounded *bounded)
 {
     float to_middle = 0.5f * (1.0f + tile->reach_low + tile->reach_high) - HALF;
     bounded->x = floor(block_x(block) * 0.5f) * 2.0f + to_middle;
@@ -34,9 +34,9 @@ static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int 
     return in;
 }
 
-static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                    const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                    LaneMask mask)
+static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
+                                     LaneMask mask)
 {
     Lanes left = INFINITY, right = -INFINITY, top = INFINITY, bottom = -INFINITY;
     LaneMask behind = 0;

@@ -78,8 +78,8 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
 
 // A pixel's rays are s (x, y, 1), s > 0. Along each axis s times some value between g - h and g + h
 // lies between low and high; the bounds of s that follow must leave something.
-static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
-                             Bounded *bounded)
+static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
+                                     Bounded *bounded)
 {
     Lanes x = (tile_middle(tile, block_x(block)) - tile->middle_x) * tile->clip_scale;
     Lanes y = (tile_middle(tile, block_y(block)) - tile->middle_y) * tile->clip_scale;
@@ -106,9 +106,9 @@ static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int 
     return in & (nearest <= farthest);
 }
 
-static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                    const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                    LaneMask mask)
+static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
+                                     LaneMask mask)
 {
     return mask;
 }

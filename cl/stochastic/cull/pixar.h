@@ -33,22 +33,22 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return true;
 }
 
-static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
-                             Bounded *bounded)
+static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
+                                     Bounded *bounded)
 {
     bounded->x = tile_middle(tile, block_x(block)), bounded->y = tile_middle(tile, block_y(block));
     return tiles_in_path_box(tile, &cull->box, block);
 }
 
-static inline int16 stratum_along(Lanes place, int count)
+static INLINED int16 stratum_along(Lanes place, int count)
 {
     return convert_int16(lanes_min(lanes_max(place * (float)count, (Lanes)(0.0f)),
                                    (Lanes)(count - 1.0f)));
 }
 
-static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                    const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                    LaneMask mask)
+static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
+                                     LaneMask mask)
 {
     int16 stratum = stratum_along(s->t, STRATA_T) * (STRATA_U * STRATA_V);
 #ifdef LENS

@@ -20,16 +20,16 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     return trim_to_frame(tile, m, &cull->t_low, &cull->t_high);
 }
 
-static LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
-                             Bounded *bounded)
+static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cull, int block,
+                                     Bounded *bounded)
 {
     bounded->unused = 0;
     return tiles_in_path_box(tile, &cull->box, block);
 }
 
-static inline LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                    const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                    LaneMask mask)
+static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
+                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
+                                     LaneMask mask)
 {
     return mask & (tau >= cull->t_low) & (tau <= cull->t_high);
 }
