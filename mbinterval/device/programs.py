@@ -94,9 +94,10 @@ class Programs:
         with _building:
             for key, (program, before) in list(self._compiled.items()):
                 files = self._run.files(program)
-                if any(name.endswith(".so") for name in files.keys() - before.keys()):
+                if files.keys() - before.keys():
                     self._compiled[key] = program, files
-                    self._store.save(key, files)
+                    # Another process may have kept other kernels of the program meanwhile.
+                    self._store.save(key, self._store.load(key) | files)
 
     def _probe_clang_builtins(self) -> bool:
         cl = opencl()

@@ -22,6 +22,16 @@ _runtimes: dict[int, Runtime] = {}
 _lock = threading.Lock()
 
 
+class _OfThread(threading.local):
+    """What each thread has of its own: its queue, its kernels, and which of these have run."""
+
+    def __init__(self) -> None:
+        self.queue: Any = None
+        self.kernels: dict[tuple[tuple[str, tuple[str, ...]], str], Any] = {}
+        self.launched: set[int] = set()
+        self.unkept = False
+
+
 class Runtime:
     """An OpenCL context with one device, kept for the life of the process.
 
@@ -36,9 +46,7 @@ class Runtime:
         self._programs = Programs(self.context, device)
         self._built: dict[tuple[str, tuple[str, ...]], Any] = {}
         self._building = threading.Lock()
-        self._launched: set[int] = set()
-        self._unkept = False
-        self._local = threading.local()
+        self._local = _OfThread()
         self.is_cpu = device.type & ~cl.device_type.DEFAULT == cl.device_type.CPU
         self.workers = device.max_compute_units * (1 if self.is_cpu else 64)
         if not self.is_cpu:
@@ -47,8 +55,8 @@ class Runtime:
     @property
     def queue(self) -> Any:
         """The thread's in-order queue, with profiling."""
-        cl = opencl()
-        if not hasattr(self._local, "queue"):
+        if self._local.queue is None:
+            cl = opencl()
             self._local.queue = cl.CommandQueue(
                 self.context, properties=cl.command_queue_properties.PROFILING_ENABLE
             )
@@ -57,7 +65,7 @@ class Runtime:
     def kernel(self, file: str, name: str, options: Iterable[str] = ()) -> Any:
         """Return kernel ``name`` of ``file`` (relative to the kernel root), built as needed."""
         key = (file, tuple(options))
-        kernels = self._local.__dict__.setdefault("kernels", {})
+        kernels = self._local.kernels
         if (key, name) not in kernels:
             cl = opencl()
             kernels[key, name] = cl.Kernel(self._program(*key), name)
@@ -104,8 +112,8 @@ class Runtime:
         with _device_errors("reading results"):
             if array.nbytes:
                 cl.enqueue_copy(self.queue, array, buffer)
-        if self._unkept:
-            self._unkept = False
+        if self._local.unkept:
+            self._local.unkept = False
             self._programs.keep()
         return array
 
@@ -130,9 +138,9 @@ class Runtime:
         with _device_errors(f"kernel {kernel.function_name}"):
             for place, argument in enumerate(arguments):
                 kernel.set_arg(place, argument)
-            if kernel.int_ptr not in self._launched:
-                self._launched.add(kernel.int_ptr)
-                self._unkept = True  # PoCL compiles a kernel when that first runs
+            if kernel.int_ptr not in self._local.launched:
+                self._local.launched.add(kernel.int_ptr)
+                self._local.unkept = True  # PoCL compiles a kernel when that first runs
             return cl.enqueue_nd_range_kernel(self.queue, kernel, (items,), (1,))
 
     def _check_size(self, nbytes: int, what: str) -> None:
