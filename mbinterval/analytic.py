@@ -111,9 +111,8 @@ def _run_paths(work: Work, motion: Motion) -> None:
         buffers[name] = runtime.allocate(size, name)
     if count == 0:
         return
-    asked = ("-DEXACT", "-DLENS", "-DGLOSSY")
-    options = tuple(option for option in work.plan.options if option in asked)
-    cameras = [buffers["cameras"]] if "-DGLOSSY" in options else []
+    options = work.plan.flags("EXACT", "GLOSSY", "LENS")
+    cameras = [buffers["cameras"]] if "GLOSSY" in work.plan.active else []
     event = runtime.run(
         runtime.kernel("analytic/paths.cl", "paths", options),
         -(-count // _PATHS_PER_ITEM),

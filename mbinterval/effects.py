@@ -23,14 +23,29 @@ if TYPE_CHECKING:
     from mbinterval.scene.exposure import Exposure
 
 
+_EXACT = ("analytic",)
+METHODS = ("analytic", "stochastic")
+"""Ways to render; accumulation is stochastic in this."""
+
+
 @dataclass(frozen=True)
 class Effect:
-    """Something that a scene may call for, and why it does or does not."""
+    """Something that a scene may call for, and why it does or does not.
+
+    ``macro`` is what the kernels are compiled with where it is active, ``methods`` are those that
+    know it.
+    """
 
     name: str
     active: bool
     reason: str
     macro: str = ""
+    methods: tuple[str, ...] = METHODS
+
+
+def active_macros(effects: Sequence[Effect]) -> frozenset[str]:
+    """Return the macros of the effects that are called for."""
+    return frozenset(effect.macro for effect in effects if effect.active and effect.macro)
 
 
 def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:
@@ -71,7 +86,7 @@ def _motion(
     return (
         Effect("motion", paths > 0, f"{paths} motion paths{many}", "MOVING"),
         Effect("transparency at rest", resting > 0, lists, "MOVING"),
-        Effect("exact in time", settings.paths == "exact" or not moving, kind, "EXACT"),
+        Effect("exact in time", settings.paths == "exact" or not moving, kind, "EXACT", _EXACT),
         Effect("camera motion", exposure.camera_moves, camera),
     )
 
@@ -90,10 +105,12 @@ def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     where = "each pixel has its own" if placed else "all pixels have the same"
     return (
         Effect("lens", lens, stop, "LENS"),
-        Effect("scattered samples", scattered, f"pattern={pattern!r}", "SCATTERED"),
+        Effect("scattered samples", scattered, f"pattern={pattern!r}", "SCATTERED", _EXACT),
         Effect("weighted samples", weighted, lobes, "WEIGHTED"),
-        Effect("samples placed by pixel", placed, where, "PLACED"),
-        Effect("samples shared by pixels", shared, f"filter={settings.filter!r}", "FIVE_POINT"),
+        Effect("samples placed by pixel", placed, where, "PLACED", _EXACT),
+        Effect(
+            "samples shared by pixels", shared, f"filter={settings.filter!r}", "FIVE_POINT", _EXACT
+        ),
     )
 
 
@@ -116,7 +133,7 @@ def _geometry(motion: Motion) -> tuple[Effect, ...]:
     static = motion.static_paths
     single = [m.name for m in motion.materials if not m.double_sided]
     return (
-        Effect("static geometry", static > 0, f"{static} triangles do not move", "STATIC"),
+        Effect("static geometry", static > 0, f"{static} triangles do not move", "STATIC", _EXACT),
         Effect("single-sided", bool(single), _named("material", single), "SINGLE_SIDED"),
     )
 
@@ -245,18 +262,22 @@ def _published(settings: Settings, moving: bool) -> tuple[Effect, ...]:
     if not moving:
         pairs = bits = "nothing moves"
     return (
-        Effect("pairing by depth", by_depth, pairs, "PAIR_BY_DEPTH"),
-        Effect("partial bits", partial, bits, "PARTIAL_BITS"),
+        Effect("pairing by depth", by_depth, pairs, "PAIR_BY_DEPTH", _EXACT),
+        Effect("partial bits", partial, bits, "PARTIAL_BITS", _EXACT),
     )
 
 
 def _layers(settings: Settings) -> tuple[Effect, ...]:
     asked = ", ".join(name for name in settings.aovs if name in MOMENTARY)
     spans = ", ".join(name for name in settings.aovs if name in RECORDED)
+    layers = (
+        Effect(f"layer {name}", True, "asked for", MACROS[name], _EXACT) for name in settings.aovs
+    )
+    none = "not asked for"
     return (
-        Effect("values at one moment", bool(asked), asked or "not asked for", "MOMENTARY"),
-        Effect("visible spans kept", bool(spans), spans or "not asked for", "RECORDED"),
-        *(Effect(f"layer {name}", True, "asked for", MACROS[name]) for name in settings.aovs),
+        Effect("values at one moment", bool(asked), asked or none, "MOMENTARY", _EXACT),
+        Effect("visible spans kept", bool(spans), spans or none, "RECORDED", _EXACT),
+        *layers,
     )
 
 

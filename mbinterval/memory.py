@@ -36,7 +36,7 @@ def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
     given += sum(places.nbytes for places in motion.places.values())
     cropped = plan.crop[2] * plan.crop[3]
     film = film_bytes(plan) + (16 * cropped if "share" in plan.stages else 0)
-    if "-DBACKGROUND_IMAGE" in plan.options:
+    if "BACKGROUND_IMAGE" in plan.active:
         film += 12 * plan.region[2] * plan.region[3]
     _, _, columns, rows = tile_grid(plan)
     pool = sum(record.itemsize for record in tiles.pools(plan).values())

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Set
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 from mbinterval.aovs import FLOWS
 from mbinterval.appearance import casting
 from mbinterval.device import records
-from mbinterval.effects import Effect, effects_of
+from mbinterval.effects import Effect, active_macros, effects_of
 from mbinterval.errors import UsageError
 from mbinterval.sampling import filter_of
 from mbinterval.settings import Settings
@@ -43,8 +45,8 @@ class Plan:
     ----------
     stages
         Names of the stages that run, in order; each is a file in ``cl/analytic`` or ``cl/shared``.
-    options
-        Compiler options of the kernels: one ``-D`` for each active effect and each size.
+    sizes
+        What the kernels are compiled with besides effects: numbers by the name of their macro.
     crop, region
         Column, row, width and height, in the frame, of the film, and of what is rendered for it.
     tile, layers
@@ -61,17 +63,37 @@ class Plan:
     region: Crop
     effects: tuple[Effect, ...]
     stages: tuple[str, ...]
-    options: tuple[str, ...]
+    sizes: tuple[tuple[str, int | float], ...]
     settings: Settings
     tile: int
     layers: int
     capacity: int
     memory: int | None = None
 
+    @cached_property
+    def active(self) -> frozenset[str]:
+        """Macros of the effects that are called for."""
+        return active_macros(self.effects)
+
     @property
     def exact(self) -> bool:
         """Whether depth and attributes are exact functions of time."""
-        return "-DEXACT" in self.options
+        return "EXACT" in self.active
+
+    def size(self, name: str) -> int | float:
+        """Return one of ``sizes``, 0 where it is none of them."""
+        return dict(self.sizes).get(name, 0)
+
+    @cached_property
+    def options(self) -> tuple[str, ...]:
+        """Compiler options of the kernels: one ``-D`` for each active effect and each size."""
+        sizes = dict(self.sizes)
+        flags = (f"-D{name}" for name in sorted(self.active - sizes.keys()))
+        return (*flags, *(f"-D{name}={_literal(value)}" for name, value in sizes.items()))
+
+    def flags(self, *names: str) -> tuple[str, ...]:
+        """Compiler options of a kernel that knows only these effects."""
+        return tuple(f"-D{name}" for name in names if name in self.active)
 
 
 def make_plan(
@@ -89,7 +111,7 @@ def make_plan(
 
         return stochastic_plan(exposure, motion, settings, width, height, crop)
     effects = effects_of(exposure, motion, settings)
-    active = {effect.macro for effect in effects if effect.active}
+    active = active_macros(effects)
     if "LENS" in active and settings.paths == "triangulated":
         raise UsageError("paths='triangulated' has no lens; use paths='exact', or leave f_stop out")
     if (settings.paths, settings.occlusion) != ("exact", "exact"):
@@ -105,25 +127,25 @@ def make_plan(
         )
     tile = settings.tile_size
     layers = max(1, min(settings.samples, _SAMPLES_AT_A_TIME // tile**2))
-    sizes: dict[str, int | str] = {
+    sizes: dict[str, int | float] = {
         "TILE": tile,
         "SAMPLES": settings.samples,
         "LAYERS": layers,
     }
     if "MOVING" in active:
         if settings.occlusion != "exact":
-            sizes["MASK_BITS"] = settings.occlusion
+            sizes["MASK_BITS"] = int(settings.occlusion)
         if settings.max_intervals is not None:
             sizes["MAX_INTERVALS"] = settings.max_intervals
     if active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR", "SKY"}:
         sizes |= _shading_sizes(settings)
     if "TEXTURED" in active and settings.anisotropy > 0:
         sizes["ANISOTROPY"] = settings.anisotropy
-        sizes["SAMPLE_SPACING"] = _float(settings.samples**-0.5)
+        sizes["SAMPLE_SPACING"] = settings.samples**-0.5
     if "SHADOWS" in active:
         sizes["SHADOWS"] = len(casting(exposure, settings))
     if active & {"MOMENTARY", "AOV_SHARP"}:
-        sizes["AOV_TIME"] = _float(settings.aov_time)
+        sizes["AOV_TIME"] = float(settings.aov_time)
     if "events" in settings.aovs:
         sizes["EVENT_STEPS"] = settings.event_steps
     sizes |= sampling_sizes(exposure, settings, active)
@@ -148,8 +170,7 @@ def make_plan(
             "resolve",
             *(("share",) if "FIVE_POINT" in active else ()),
         ),
-        options=tuple(f"-D{name}" for name in sorted(active - {"", *sizes}))
-        + tuple(f"-D{name}={value}" for name, value in sizes.items()),
+        sizes=tuple(sizes.items()),
         settings=settings,
         tile=tile,
         layers=layers,
@@ -157,7 +178,7 @@ def make_plan(
     )
 
 
-def _refuse_stacks(settings: Settings, active: set[str]) -> None:
+def _refuse_stacks(settings: Settings, active: Set[str]) -> None:
     """Refuse what is seen at once with settings that know one surface at a time."""
     given = f"paths={settings.paths!r} and occlusion={settings.occlusion!r}"
     for macro, what, remedy in (
@@ -171,10 +192,10 @@ def _refuse_stacks(settings: Settings, active: set[str]) -> None:
             )
 
 
-def _shading_sizes(settings: Settings) -> dict[str, int | str]:
+def _shading_sizes(settings: Settings) -> dict[str, int | float]:
     """Return how often colour is evaluated along a span, or what decides that."""
     if settings.shading_times is None:
-        return {"SHADING_ERROR": _float(settings.shading_error)}
+        return {"SHADING_ERROR": float(settings.shading_error)}
     return {"TEXTURE_SAMPLES": settings.shading_times}
 
 
@@ -186,26 +207,26 @@ def _around(crop: Crop, width: int, height: int) -> Crop:
 
 
 def sampling_sizes(
-    exposure: Exposure, settings: Settings, active: set[str]
-) -> dict[str, int | str]:
+    exposure: Exposure, settings: Settings, active: Set[str]
+) -> dict[str, int | float]:
     """Return macros with a value that the effects of sampling, lens and shutter ask for."""
-    sizes: dict[str, int | str] = {}
+    sizes: dict[str, int | float] = {}
     shape, camera = filter_of(settings), exposure.camera
     if "SCATTERED" in active and shape is not None:
         sizes["FILTER_TABLE"] = len(shape.table) - 1
     if "WEIGHTED" in active and shape is not None:
-        sizes["FILTER_ZERO"], sizes["FILTER_MASS"] = _float(shape.zero), _float(shape.mass**2)
+        sizes["FILTER_ZERO"], sizes["FILTER_MASS"] = float(shape.zero), float(shape.mass**2)
     if "LENS" in active and camera.blades:
         sizes["BLADES"] = camera.blades
         turn = math.fmod(camera.blade_rotation, 360.0)
-        sizes["BLADE_ROTATION"] = _float(float(np.float32(np.radians(turn))))
+        sizes["BLADE_ROTATION"] = float(np.float32(np.radians(turn)))
     if exposure.shutter.curve != "box" and "MOVING" in active:
         sizes["SHUTTER_CURVE"] = len(shutter_keys(exposure.shutter))
     return sizes
 
 
-def _float(value: float) -> str:
-    return f"{value:.9e}f"
+def _literal(value: int | float) -> str:
+    return f"{value:.9e}f" if isinstance(value, float) else str(value)
 
 
 def shutter_keys(shutter: Shutter) -> NDArray[np.void]:
@@ -219,7 +240,7 @@ def shutter_keys(shutter: Shutter) -> NDArray[np.void]:
     return keys
 
 
-def _time_stages(settings: Settings, active: set[str]) -> tuple[str, ...]:
+def _time_stages(settings: Settings, active: Set[str]) -> tuple[str, ...]:
     if settings.paths == "triangulated":
         return ("rasterize", "intervals", "sort", "occlude")
     if active & {"TRANSLUCENT", "MIRRORS"}:

@@ -192,7 +192,7 @@ def _add_cube_maps(
         return motion, {}
     started = time.perf_counter()
     pictures = []
-    if "-DREFLECTIONS" in plan.options:
+    if "REFLECTIONS" in plan.active:
         pictures = surroundings(on, scene, exposure, plan, lines, partial(run, on))
     motion = add_cube_maps(motion, exposure, plan, gather(on, exposure.environment, pictures))
     return motion, {"cube_map": time.perf_counter() - started}

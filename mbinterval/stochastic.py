@@ -94,9 +94,8 @@ def _run_bounds(work: Work, motion: Motion) -> None:
     work.timings["bounds"] = 0.0
     if count == 0:
         return
-    glossy = [option for option in work.plan.options if option == "-DGLOSSY"]
     event = runtime.run(
-        runtime.kernel("stochastic/bounds.cl", "bounds", glossy),
+        runtime.kernel("stochastic/bounds.cl", "bounds", work.plan.flags("GLOSSY")),
         -(-count // _PATHS_PER_ITEM),
         *(buffers["vertices"], buffers["paths"], np.uint32(count)),
         *(buffers["meshes"], buffers["materials"], buffers["cameras"]),
@@ -112,7 +111,7 @@ def _run_bin(work: Work, motion: Motion) -> NDArray[np.int64]:
     order = np.argsort(bounds["near"], kind="stable").astype(np.uint32)
     names = ("vertices", "paths", "bounds", "meshes", "cameras")
     given = (*(buffers[name] for name in names), runtime.upload(order, "order"))
-    asked = [option for option in work.plan.options if option in ("-DLENS", "-DGLOSSY")]
+    asked = work.plan.flags("GLOSSY", "LENS")
     reach = reach_of(work.plan.settings)
     return list_paths(work, "stochastic/bin.cl", asked, given, count, reach)
 
@@ -134,7 +133,7 @@ def _render_tiles(
     for done in in_parts(queue, loads, partial(_run_part, work, workers=workers, stats=stats)):
         if progress is not None:
             progress(done / len(queue))
-    return stats if "-DSTATISTICS" in work.plan.options else {}
+    return stats if "STATISTICS" in work.plan.active else {}
 
 
 def scratch_bytes(plan: Plan) -> int:
@@ -144,7 +143,7 @@ def scratch_bytes(plan: Plan) -> int:
 
 def _scratch_words(plan: Plan) -> int:
     """Words of scratch for each sample: ``SCRATCH`` of ``cl/stochastic/tile.cl``."""
-    return 7 + 2 * ("-DMIRRORS" in plan.options) + 2 * ("-DGLOSSY" in plan.options)
+    return 7 + 2 * ("MIRRORS" in plan.active) + 2 * ("GLOSSY" in plan.active)
 
 
 def _allocate(work: Work, workers: int) -> None:

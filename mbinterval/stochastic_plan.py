@@ -7,10 +7,11 @@ lens, so that each slice is the picture of a scene at rest.
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from typing import TYPE_CHECKING
 
 from mbinterval.appearance import casting
-from mbinterval.effects import Effect, effects_of
+from mbinterval.effects import Effect, active_macros, effects_of
 from mbinterval.errors import UsageError
 from mbinterval.plan import AROUND, Crop, Plan, sampling_sizes
 from mbinterval.sampling import pattern_of
@@ -23,15 +24,6 @@ if TYPE_CHECKING:
 SLABS = 64
 """Samples of a pixel that a tile works on at a time: their arrays stay in the cache of one core."""
 
-_SHARED = frozenset(
-    ("MOVING", "LENS", "SINGLE_SIDED", "PHONG", "METALLIC", "EMISSION", "POINT_LIGHTS")
-    + ("SPOT_LIGHTS", "TEXTURED", "VERTEX_COLOR", "SHADOWS", "ENVIRONMENT", "SKY", "REFLECTIONS")
-    + ("TRANSLUCENT", "ALPHA_VARIES", "VERTEX_ALPHA", "MIRRORS", "GLOSSY")
-    + ("FACE_COLOR", "BACKGROUND_IMAGE", "TRANSPARENT", "WEIGHTED", "ROLLING", "ROLLING_COLUMNS")
-    + ("",)
-)
-"""Macros of the analytic path's effects that mean the same here."""
-
 
 def sample_count(settings: Settings) -> int:
     """Return the number of samples per pixel: with accumulation those of all slices."""
@@ -43,10 +35,12 @@ def stochastic_plan(
 ) -> Plan:
     """Plan the render of ``exposure``, laid out as ``motion``, by point samples."""
     shared = tuple(
-        effect for effect in effects_of(exposure, motion, settings) if effect.macro in _SHARED
+        effect
+        for effect in effects_of(exposure, motion, settings)
+        if "stochastic" in effect.methods
     )
     effects = (*shared, *_own_effects(shared, settings))
-    active = {effect.macro for effect in effects if effect.active} - {""}
+    active = active_macros(effects)
     if "LENS" in active and settings.pattern == "rgss":
         raise UsageError("pattern='rgss' has no lens; use pattern='sobol', or leave f_stop out")
     if "LENS" in active and settings.test == "edges":
@@ -62,7 +56,7 @@ def stochastic_plan(
     slabs = min(samples, SLABS)
     # Slots of the fixed pattern are where the filter puts them; other places are put on the device.
     placed = set() if pattern_of(settings) == "fixed" else {"SCATTERED"}
-    sizes: dict[str, int | str] = {
+    sizes: dict[str, int | float] = {
         "SAMPLES": samples,
         "SLABS": slabs,
         "SLAB_GROUPS": -(-samples // slabs),
@@ -83,8 +77,7 @@ def stochastic_plan(
             *("scatter", "sample", "shade", "resolve"),
             *(("rgss",) if settings.pattern == "rgss" else ()),
         ),
-        options=tuple(f"-D{name}" for name in sorted(active - set(sizes)))
-        + tuple(f"-D{name}={value}" for name, value in sizes.items()),
+        sizes=tuple(sizes.items()),
         settings=settings,
         tile=16,
         layers=slabs,
@@ -99,7 +92,7 @@ def _region(settings: Settings, crop: Crop) -> Crop:
 
 
 def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect, ...]:
-    active = {effect.macro for effect in shared if effect.active}
+    active = active_macros(shared)
     slices = settings.method == "accumulation" and settings.slice_times != "stochastic"
     pattern = "slices" if slices else pattern_of(settings)
     times = f"slice_times={settings.slice_times!r}"
@@ -144,8 +137,8 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
     )  # fmt: skip
 
 
-def _own_sizes(settings: Settings, active: set[str]) -> dict[str, int | str]:
-    sizes: dict[str, int | str] = {}
+def _own_sizes(settings: Settings, active: Set[str]) -> dict[str, int | float]:
+    sizes: dict[str, int | float] = {}
     samples = sample_count(settings)
     if "PATTERN_JITTERED" in active:
         sizes["GRID_X"] = _nearest_divisor(samples)
@@ -161,13 +154,15 @@ def _own_sizes(settings: Settings, active: set[str]) -> dict[str, int | str]:
     return sizes
 
 
-def _shadow_sizes(exposure: Exposure, settings: Settings, active: set[str]) -> dict[str, int | str]:
+def _shadow_sizes(
+    exposure: Exposure, settings: Settings, active: Set[str]
+) -> dict[str, int | float]:
     if "SHADOWS" not in active:
         return {}
-    sizes: dict[str, int | str] = {"SHADOWS": len(casting(exposure, settings))}
+    sizes: dict[str, int | float] = {"SHADOWS": len(casting(exposure, settings))}
     if settings.shadow_map is not None:
         sizes |= {"SHADOW_MAP": settings.shadow_map, "SHADOW_STRATA": settings.shadow_strata}
-        sizes["SHADOW_BIAS"] = f"{settings.shadow_bias:.9e}f"
+        sizes["SHADOW_BIAS"] = float(settings.shadow_bias)
     return sizes
 
 

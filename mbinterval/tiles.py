@@ -132,7 +132,7 @@ def _allocate(work: Work, workers: int) -> None:
 
 def _sample_words(plan: Plan) -> int:
     """Words of scratch for each sample: ``SAMPLE_WORDS`` of ``cl/analytic/tile.h``."""
-    glossy = 2 if "-DGLOSSY" in plan.options else 0
+    glossy = 2 if "GLOSSY" in plan.active else 0
     return 18 + glossy + ("operations" in plan.settings.aovs)
 
 

@@ -73,7 +73,7 @@ def upload_scene(
     own = looks.lights["shadow"][: len(exposure.lights)]
     looks.lights["shadow"] = np.tile(own, 1 + len(exposure.mirrors))
     background = np.zeros(0, np.float32)
-    if "-DBACKGROUND_IMAGE" in plan.options:
+    if "BACKGROUND_IMAGE" in plan.active:
         x, y, width, height = plan.region
         image = fit_background(np.asarray(exposure.background), plan.width, plan.height)
         # The region may reach out of the frame by a pixel.
@@ -122,8 +122,7 @@ CUBE_MAPS = ("maps", "map_texels", "sky", "sky_count", "mirror_planes")
 
 def shadow_count(plan: Plan) -> int:
     """Return how many lights cast shadows in the plan."""
-    values = (option.removeprefix("-DSHADOWS=") for option in plan.options)
-    return next((int(value) for value in values if value.isdigit()), 0)
+    return int(plan.size("SHADOWS"))
 
 
 def transform_vertices(work: Work, motion: Motion) -> float:
@@ -133,8 +132,7 @@ def transform_vertices(work: Work, motion: Motion) -> float:
     buffers["vertices"] = runtime.allocate(size, "vertices")
     if not len(motion.jobs):
         return 0.0
-    lens = tuple(option for option in work.plan.options if option == "-DLENS")
-    kernel = runtime.kernel("shared/vertices.cl", "vertices", lens)
+    kernel = runtime.kernel("shared/vertices.cl", "vertices", work.plan.flags("LENS"))
     names = ("jobs", "positions", "cameras", "vertices")
     return seconds(runtime.run(kernel, len(motion.jobs), *(buffers[name] for name in names)))
 
