@@ -37,7 +37,7 @@ from mbinterval.device.meter import (
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
 from mbinterval.ownership import SOFTWARE
-from mbinterval.settings import Settings, methods_of
+from mbinterval.settings import RULES, Settings
 from mbinterval.stochastic_plan import sample_count
 
 _log = logging.getLogger(__name__)
@@ -371,7 +371,7 @@ def _settings_of(case: Case, values: Mapping[str, Any]) -> Settings:
     kept = {
         name: value
         for name, value in case.settings.items()
-        if name in _KEPT and method in methods_of(name)
+        if name in _KEPT and method in RULES[name].methods
     }
     return Settings.from_mapping({**kept, **values})
 

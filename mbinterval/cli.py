@@ -17,10 +17,10 @@ from typing import Any, NoReturn
 from mbinterval import __version__, commands
 from mbinterval import evaluation_options as evaluation
 from mbinterval import option_values as values
-from mbinterval.aovs import AOVS, EXPORTS
 from mbinterval.checks import nearest
 from mbinterval.errors import MbintervalError, Terminated, exit_code
 from mbinterval.frames import parse_frames, parse_outputs
+from mbinterval.setting_rules import rule_of
 from mbinterval.settings import Settings
 from mbinterval.streams import prepare_streams
 
@@ -41,51 +41,6 @@ exit codes:
 Messages go to standard error; -q leaves only warnings and errors, -v adds details and, after an
 error, the traceback.
 """
-
-_SETTING_HELP = {
-    "method": "how visibility is solved",
-    "paths": "how motion paths become time intervals",
-    "pairing": "pair a path's fragments by time, or by depth as published",
-    "occlusion": "exact, or the bits of an occlusion mask: 32, 64, ... 1024",
-    "partial_bits": "with a mask, let what is seen begin and end inside a bit",
-    "max_intervals": "keep only this many intervals per sample; 'none' keeps all",
-    "samples": "spatial samples per pixel; 1 is the pixel's centre",
-    "pattern": "where a pixel's samples lie",
-    "filter": "pixel filter",
-    "filter_radius": "radius of the pixel filter in pixels",
-    "texture_samples": "shading evaluations along each visible span; 'none' takes as many as "
-    "--shading-error asks for",
-    "shading_error": "greatest error of a visible span's colour, in linear colour",
-    "anisotropy": "most texture look-ups over what a sample stands for in a texture; 0 reads one",
-    "motion_segments": "linear motion segments per shutter, for meshes that state none; "
-    "'none' chooses them by --motion-error",
-    "motion_error": "greatest path error of chosen motion segments, in pixels",
-    "shadows": "which lights cast shadows: those that say so (lights), all, or none (off)",
-    "seed": "seed of every pseudo-random choice",
-    "transparent": "leave the background out; PNG gets an alpha channel",
-    "aovs": "layers to find in the same pass, with commas between them: "
-    f"{', '.join((*AOVS, *EXPORTS))}; 'none' overrules the scene file",
-    "aov_time": "when the sharp frame is, from 0 where the shutter opens to 1 where it closes",
-    "cryptomatte_levels": "IDs that a Cryptomatte keeps of each pixel: 2, 4, ... 20",
-    "deep_tolerance": "thickness of a deep image's slices, as a part of their depth",
-    "event_steps": "parts of the shutter in which events have a colour of their own, where it "
-    "changes",
-    "cull": "which point samples a path is tested at",
-    "cull_tile": "pixels along the edge of the tiles that culling bounds",
-    "test": "how a point sample is tested: vertices or edges",
-    "shading_rate": "shade every point sample, or once per pixel and triangle",
-    "hybrid": "shade what does not move once per pixel",
-    "frameless": "every n-th pixel sees its own part of the shutter",
-    "shadow_map": "look shadows of point samples up in maps of so many texels along an edge; "
-    "'none' traces rays",
-    "shadow_strata": "times in each texel of a shadow map",
-    "shadow_bias": "widths of a texel by which a shadow map spares what lies behind a surface",
-    "slices": "pictures that accumulation averages",
-    "slice_times": "uniform, jittered or stochastic",
-    "slice_lens": "through what of the lens a slice looks: a point of it, or a line across",
-    "statistics": "count samples that were tested and hit",
-    "tile_size": "edge of a tile in pixels; it changes speed, never the image",
-}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -268,7 +223,7 @@ def _add_render_options(command: argparse.ArgumentParser) -> None:
     settings = command.add_argument_group("settings (the scene file gives defaults)")
     for setting in fields(Settings):
         option = f"--{setting.name.replace('_', '-')}"
-        text = _SETTING_HELP[setting.name]
+        text = rule_of(setting).help
         if isinstance(setting.default, bool):
             details: dict[str, Any] = {"action": argparse.BooleanOptionalAction}
         else:

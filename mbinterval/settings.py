@@ -6,82 +6,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from mbinterval.aovs import RECORDED, check_aovs
-from mbinterval.checks import choice, instance, nearest, number, whole_number
+from mbinterval.aovs import AOVS, EXPORTS, check_aovs
+from mbinterval.checks import nearest
 from mbinterval.errors import UsageError
-
-OCCLUSIONS = ("exact", 32, 64, 128, 256, 512, 1024)
-"""Ways to decide visibility: exactly, or by a mask of so many bits."""
-
-CULLS = (
-    *("best", "bbox", "hull", "obb", "pixar", "interleave_uvt", "dual_space", "clip_space"),
-    *("clip_space_printed", "trim", "zmax", "zmax_strata", "zmin", "zmin_strata"),
+from mbinterval.setting_conflicts import Conflict, find_conflicts
+from mbinterval.setting_rules import (
+    ANALYTIC,
+    CULLS,
+    METHODS,
+    OCCLUSIONS,
+    PATTERNS,
+    SAMPLED,
+    Rule,
+    one_of,
+    or_none,
+    real,
+    rule_of,
+    setting,
+    switch,
+    whole,
+    words,
 )
-"""Ways to leave out point samples that a path cannot cover."""
-
-PATTERNS: dict[str, tuple[str, ...]] = {
-    "analytic": ("fixed", "sobol"),
-    "stochastic": ("sobol", "jittered", "random", "fixed", "rgss", "interleave_uvt"),
-    "accumulation": ("fixed", "sobol", "jittered", "random"),
-}
-"""Sampling patterns of each method."""
-
-_BELONGS: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("paths", "pairing", "occlusion", "partial_bits"), ("analytic",)),
-    **dict.fromkeys(("max_intervals", "tile_size"), ("analytic",)),
-    **dict.fromkeys(("texture_samples", "shading_error", "anisotropy"), ("analytic",)),
-    **dict.fromkeys(("aovs", "aov_time", "cryptomatte_levels"), ("analytic",)),
-    **dict.fromkeys(("deep_tolerance", "event_steps"), ("analytic",)),
-    **dict.fromkeys(("cull", "cull_tile", "test"), ("stochastic", "accumulation")),
-    **dict.fromkeys(("shading_rate", "hybrid"), ("stochastic", "accumulation")),
-    **dict.fromkeys(("shadow_map", "shadow_strata"), ("stochastic", "accumulation")),
-    **dict.fromkeys(("shadow_bias",), ("stochastic", "accumulation")),
-    **dict.fromkeys(("frameless",), ("stochastic",)),
-    **dict.fromkeys(("slices", "slice_times", "slice_lens"), ("accumulation",)),
-}
-"""Settings that are of some methods only."""
-
-_ALL_PATTERNS = tuple(dict.fromkeys(name for names in PATTERNS.values() for name in names))
-_SPEED_ONLY = ("tile_size", "cull", "cull_tile", "statistics")
-
-_CHOICES: dict[str, tuple[str | int, ...]] = {
-    "method": ("analytic", "stochastic", "accumulation"),
-    "paths": ("exact", "triangulated"),
-    "pairing": ("time", "depth"),
-    "occlusion": OCCLUSIONS,
-    "filter": ("box", "five_point", "triangle", "gaussian", "blackman_harris", "mitchell"),
-    "tile_size": (8, 16, 32),
-    "cull": CULLS,
-    "test": ("vertices", "edges"),
-    "shading_rate": ("sample", "pixel"),
-    "slice_times": ("uniform", "jittered", "stochastic"),
-    "cryptomatte_levels": tuple(range(2, 21, 2)),
-    "shadows": ("lights", "all", "off"),
-    "slice_lens": ("point", "line"),
-}
-_OF_AOVS = {
-    "cryptomatte_levels": ("crypto_object", "crypto_material"),
-    "deep_tolerance": ("deep",),
-    "event_steps": ("events",),
-}
-"""Settings that say something about some ``aovs`` only."""
-_RANGES = {
-    "samples": (1, 4096),
-    "anisotropy": (0, 16),
-    "seed": (0, 2**32 - 1),
-    "cull_tile": (1, 16),
-    "frameless": (1, 64),
-    "slices": (1, 4096),
-    "event_steps": (1, 4096),
-    "shadow_strata": (1, 64),
-}
-_RANGES_OR_NONE = {
-    "max_intervals": (1, 2**20),
-    "motion_segments": (1, 4096),
-    "shadow_map": (1, 8192),
-    "texture_samples": (1, 1024),
-}
-_ABOVE_ZERO = ("motion_error", "shading_error")
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,43 +151,228 @@ class Settings:
         Count the samples that were tested and hit (``Film.stats``); it costs time.
     """
 
-    method: str = "analytic"
-    paths: str = "exact"
-    pairing: str = "time"
-    occlusion: str | int = "exact"
-    partial_bits: bool = False
-    max_intervals: int | None = None
-    samples: int = 4
-    pattern: str | None = None
-    filter: str = "box"
-    filter_radius: float | None = None
-    texture_samples: int | None = None
-    shading_error: float = 0.002
-    anisotropy: int = 0
-    motion_segments: int | None = None
-    motion_error: float = 0.1
-    shadows: str = "lights"
-    seed: int = 0
-    transparent: bool = False
-    tile_size: int = 16
-    aovs: tuple[str, ...] = ()
-    aov_time: float = 0.5
-    cryptomatte_levels: int = 6
-    deep_tolerance: float = 0.01
-    event_steps: int = 4
-    cull: str = "best"
-    cull_tile: int = 1
-    test: str = "vertices"
-    shading_rate: str = "sample"
-    hybrid: bool = False
-    frameless: int = 1
-    shadow_map: int | None = None
-    shadow_strata: int = 4
-    shadow_bias: float = 3.0
-    slices: int = 64
-    slice_times: str = "uniform"
-    slice_lens: str = "point"
-    statistics: bool = False
+    method: str = setting(
+        "analytic",
+        "how visibility is solved",
+        one_of(*METHODS),
+    )
+    paths: str = setting(
+        "exact",
+        "how motion paths become time intervals",
+        one_of("exact", "triangulated"),
+        methods=ANALYTIC,
+    )
+    pairing: str = setting(
+        "time",
+        "pair a path's fragments by time, or by depth as published",
+        one_of("time", "depth"),
+        methods=ANALYTIC,
+    )
+    occlusion: str | int = setting(
+        "exact",
+        "exact, or the bits of an occlusion mask: 32, 64, ... 1024",
+        one_of(*OCCLUSIONS),
+        methods=ANALYTIC,
+    )
+    partial_bits: bool = setting(
+        False,
+        "with a mask, let what is seen begin and end inside a bit",
+        switch,
+        methods=ANALYTIC,
+    )
+    max_intervals: int | None = setting(
+        None,
+        "keep only this many intervals per sample; 'none' keeps all",
+        or_none(whole(1, 2**20)),
+        methods=ANALYTIC,
+    )
+    samples: int = setting(
+        4,
+        "spatial samples per pixel; 1 is the pixel's centre",
+        whole(1, 4096),
+    )
+    pattern: str | None = setting(
+        None,
+        "where a pixel's samples lie",
+        or_none(one_of(*words(list(PATTERNS.values())))),
+    )
+    filter: str = setting(
+        "box",
+        "pixel filter",
+        one_of("box", "five_point", "triangle", "gaussian", "blackman_harris", "mitchell"),
+    )
+    filter_radius: float | None = setting(
+        None,
+        "radius of the pixel filter in pixels",
+        or_none(real(above=0.0, high=8.0)),
+    )
+    texture_samples: int | None = setting(
+        None,
+        "shading evaluations along each visible span; 'none' takes as many as "
+        "--shading-error asks for",
+        or_none(whole(1, 1024)),
+        methods=ANALYTIC,
+    )
+    shading_error: float = setting(
+        0.002,
+        "greatest error of a visible span's colour, in linear colour",
+        real(above=0.0),
+        methods=ANALYTIC,
+    )
+    anisotropy: int = setting(
+        0,
+        "most texture look-ups over what a sample stands for in a texture; 0 reads one",
+        whole(0, 16),
+        methods=ANALYTIC,
+    )
+    motion_segments: int | None = setting(
+        None,
+        "linear motion segments per shutter, for meshes that state none; 'none' chooses "
+        "them by --motion-error",
+        or_none(whole(1, 4096)),
+    )
+    motion_error: float = setting(
+        0.1,
+        "greatest path error of chosen motion segments, in pixels",
+        real(above=0.0),
+    )
+    shadows: str = setting(
+        "lights",
+        "which lights cast shadows: those that say so (lights), all, or none (off)",
+        one_of("lights", "all", "off"),
+    )
+    seed: int = setting(
+        0,
+        "seed of every pseudo-random choice",
+        whole(0, 2**32 - 1),
+    )
+    transparent: bool = setting(
+        False,
+        "leave the background out; PNG gets an alpha channel",
+        switch,
+    )
+    tile_size: int = setting(
+        16,
+        "edge of a tile in pixels; it changes speed, never the image",
+        one_of(8, 16, 32),
+        methods=ANALYTIC,
+        speed_only=True,
+    )
+    aovs: tuple[str, ...] = setting(
+        (),
+        "layers to find in the same pass, with commas between them: "
+        f"{', '.join((*AOVS, *EXPORTS))}; 'none' overrules the scene file",
+        check_aovs,
+        methods=ANALYTIC,
+    )
+    aov_time: float = setting(
+        0.5,
+        "when the sharp frame is, from 0 where the shutter opens to 1 where it closes",
+        real(0.0, 1.0),
+        methods=ANALYTIC,
+    )
+    cryptomatte_levels: int = setting(
+        6,
+        "IDs that a Cryptomatte keeps of each pixel: 2, 4, ... 20",
+        one_of(*range(2, 21, 2)),
+        methods=ANALYTIC,
+        of_aovs=("crypto_object", "crypto_material"),
+    )
+    deep_tolerance: float = setting(
+        0.01,
+        "thickness of a deep image's slices, as a part of their depth",
+        real(above=0.0, high=1.0),
+        methods=ANALYTIC,
+        of_aovs=("deep",),
+    )
+    event_steps: int = setting(
+        4,
+        "parts of the shutter in which events have a colour of their own, where it changes",
+        whole(1, 4096),
+        methods=ANALYTIC,
+        of_aovs=("events",),
+    )
+    cull: str = setting(
+        "best",
+        "which point samples a path is tested at",
+        one_of(*CULLS),
+        methods=SAMPLED,
+        speed_only=True,
+    )
+    cull_tile: int = setting(
+        1,
+        "pixels along the edge of the tiles that culling bounds",
+        whole(1, 16),
+        methods=SAMPLED,
+        speed_only=True,
+    )
+    test: str = setting(
+        "vertices",
+        "how a point sample is tested: vertices or edges",
+        one_of("vertices", "edges"),
+        methods=SAMPLED,
+    )
+    shading_rate: str = setting(
+        "sample",
+        "shade every point sample, or once per pixel and triangle",
+        one_of("sample", "pixel"),
+        methods=SAMPLED,
+    )
+    hybrid: bool = setting(
+        False,
+        "shade what does not move once per pixel",
+        switch,
+        methods=SAMPLED,
+    )
+    frameless: int = setting(
+        1,
+        "every n-th pixel sees its own part of the shutter",
+        whole(1, 64),
+        methods=("stochastic",),
+    )
+    shadow_map: int | None = setting(
+        None,
+        "look shadows of point samples up in maps of so many texels along an edge; "
+        "'none' traces rays",
+        or_none(whole(1, 8192)),
+        methods=SAMPLED,
+    )
+    shadow_strata: int = setting(
+        4,
+        "times in each texel of a shadow map",
+        whole(1, 64),
+        methods=SAMPLED,
+    )
+    shadow_bias: float = setting(
+        3.0,
+        "widths of a texel by which a shadow map spares what lies behind a surface",
+        real(0.0),
+        methods=SAMPLED,
+    )
+    slices: int = setting(
+        64,
+        "pictures that accumulation averages",
+        whole(1, 4096),
+        methods=("accumulation",),
+    )
+    slice_times: str = setting(
+        "uniform",
+        "uniform, jittered or stochastic",
+        one_of("uniform", "jittered", "stochastic"),
+        methods=("accumulation",),
+    )
+    slice_lens: str = setting(
+        "point",
+        "through what of the lens a slice looks: a point of it, or a line across",
+        one_of("point", "line"),
+        methods=("accumulation",),
+    )
+    statistics: bool = setting(
+        False,
+        "count samples that were tested and hit",
+        switch,
+        speed_only=True,
+    )
 
     def __post_init__(self) -> None:
         for name in SETTINGS:
@@ -253,16 +383,15 @@ class Settings:
     @property
     def given(self) -> dict[str, Any]:
         """What the image depends on, by name: the settings of this method, but for speed."""
-        names = [
-            setting.name
+        own = [
+            setting
             for setting in fields(self)
-            if self.method in _BELONGS.get(setting.name, (self.method,))
-            and setting.name not in _SPEED_ONLY
+            if self.method in rule_of(setting).methods and not rule_of(setting).speed_only
         ]
         values = {
-            name: getattr(self, name)
-            for name in names
-            if name not in _OF_AOVS or set(_OF_AOVS[name]) & set(self.aovs)
+            setting.name: getattr(self, setting.name)
+            for setting in own
+            if not rule_of(setting).of_aovs or set(rule_of(setting).of_aovs) & set(self.aovs)
         }
         aovs, aov_time = values.pop("aovs", ()), values.pop("aov_time", None)
         if aovs:
@@ -293,10 +422,8 @@ class Settings:
 SETTINGS = tuple(field.name for field in fields(Settings))
 """Names of all settings."""
 
-
-def methods_of(name: str) -> tuple[str, ...]:
-    """Return the methods that have the setting ``name``."""
-    return _BELONGS.get(name, tuple(PATTERNS))
+RULES: Mapping[str, Rule] = {field.name: rule_of(field) for field in fields(Settings)}
+"""What is known of each setting."""
 
 
 def check_setting(name: str, value: Any) -> Any:
@@ -304,132 +431,12 @@ def check_setting(name: str, value: Any) -> Any:
 
     Raises ``UsageError`` where it is wrong whatever the other settings are.
     """
-    if name in _CHOICES:
-        return choice(value, _CHOICES[name], name)
-    if name == "pattern":
-        return None if value is None else choice(value, _ALL_PATTERNS, name)
-    if name in _RANGES:
-        return whole_number(value, name, *_RANGES[name])
-    if name in _RANGES_OR_NONE:
-        return None if value is None else whole_number(value, name, *_RANGES_OR_NONE[name])
-    if name in _ABOVE_ZERO:
-        return number(value, name, above=0.0)
-    if name == "shadow_bias":
-        return number(value, name, 0.0)
-    if name == "filter_radius":
-        return None if value is None else number(value, name, above=0.0, high=8.0)
-    if name == "aovs":
-        return check_aovs(value, name)
-    if name == "aov_time":
-        return number(value, name, 0.0, 1.0)
-    if name == "deep_tolerance":
-        return number(value, name, above=0.0, high=1.0)
-    return instance(value, bool, name)
-
-
-@dataclass(frozen=True)
-class Conflict:
-    """Settings, by ``names``, that are each in order but not together; ``text`` says why."""
-
-    names: tuple[str, str]
-    text: str
+    return RULES[name].check(value, name)
 
 
 def conflicts(values: Mapping[str, Any]) -> list[Conflict]:
     """Find settings that don't go together; those not among ``values`` have their defaults."""
-    given: dict[str, Any] = {field.name: field.default for field in fields(Settings)}
-    given |= values
-    found = [*_conflicts_of_methods(given), *_conflicts_of_samples(given)]
-    if given["paths"] == "triangulated" and given["pattern"] == "sobol":
-        why = "triangulated paths are rasterized in rows of samples; use pattern='fixed'"
-        found.append(("pattern", "paths", why))
-    if given["paths"] == "exact" and given["max_intervals"] is not None:
-        why = "exact paths lose no interval; max_intervals is for paths='triangulated'"
-        found.append(("max_intervals", "paths", why))
-    if given["partial_bits"] is True and given["occlusion"] == "exact":
-        why = "exact occlusion has no bits; give occlusion a number of bits, 32 to 1024"
-        found.append(("partial_bits", "occlusion", why))
-    if given["paths"] == "triangulated" and "operations" in (given["aovs"] or ()):
-        found.append(("aovs", "paths", "operations are counted for paths='exact'"))
-    if given["occlusion"] != "exact" and "sharp" in (given["aovs"] or ()):
-        found.append(("aovs", "occlusion", "a mask does not tell what is seen at a moment"))
-    found += _conflicts_of_spans(given)
-    if given["filter"] == "five_point":
-        why = "it is a rule for samples=1 with pattern='fixed'; use filter='box' with more"
-        if given["samples"] != 1:
-            found.append(("filter", "samples", why))
-        if given["pattern"] not in (None, "fixed"):
-            found.append(("filter", "pattern", why))
-        if given["filter_radius"] is not None:
-            found.append(("filter_radius", "filter", "the five-point rule has none"))
-    return [Conflict((a, b), f"{a}={given[a]!r} with {b}={given[b]!r}: {c}") for a, b, c in found]
-
-
-def _conflicts_of_spans(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Find settings with which what is made from visible spans can't be had."""
-    names = given["aovs"] or ()
-    names = names.replace(" ", "").split(",") if isinstance(names, str) else names
-    asked = {name for name in RECORDED if name in names}
-    found = []
-    if asked and given["filter"] == "five_point":
-        why = "samples are shared by pixels, spans are not; use filter='box'"
-        found.append(("aovs", "filter", why))
-    if asked - {"events"} and given["filter"] == "mitchell":
-        why = "coverage below 0 has no place in a Cryptomatte or a deep image; use another filter"
-        found.append(("aovs", "filter", why))
-    if "events" in asked and given["paths"] != "exact":
-        found.append(("aovs", "paths", "events are exact in time; use paths='exact'"))
-    if "events" in asked and given["occlusion"] != "exact":
-        found.append(("aovs", "occlusion", "a mask does not tell when something is seen"))
-    return found
-
-
-def _conflicts_of_methods(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Find settings that the method does not have: two names, and why."""
-    method, found = given["method"], []
-    for field in fields(Settings):
-        owners = _BELONGS.get(field.name, (method,))
-        if given[field.name] != field.default and method not in owners:
-            found.append(
-                (field.name, "method", f"it is for method={' or '.join(map(repr, owners))}")
-            )
-    patterns = PATTERNS[method]
-    if given["pattern"] is not None and given["pattern"] not in patterns:
-        found.append(("pattern", "method", f"that has {', '.join(map(repr, patterns))}"))
-    if method != "stochastic" and given["samples"] > 256:
-        found.append(("samples", "method", "that has 1 to 256"))
-    return found
-
-
-def _conflicts_of_samples(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Likewise for settings of point sampling."""
-    if given["method"] == "analytic":
-        return []
-    found = []
-    if given["filter"] == "five_point":
-        found.append(("filter", "method", "it is for method='analytic'; use filter='box'"))
-    if given["pattern"] == "rgss" and given["samples"] != 4:
-        found.append(("samples", "pattern", "the rotated grid has 4"))
-    if given["pattern"] == "rgss" and given["filter"] != "box":
-        found.append(("filter", "pattern", "the rotated grid has a filter of its own"))
-    if given["pattern"] == "rgss" and given["filter_radius"] is not None:
-        found.append(("filter_radius", "pattern", "the rotated grid has a filter of its own"))
-    if given["cull"] == "interleave_uvt" and given["pattern"] != "interleave_uvt":
-        found.append(("cull", "pattern", "it is for pattern='interleave_uvt'"))
-    if given["cull_tile"] != 1 and given["cull"] == "best":
-        found.append(("cull_tile", "cull", "that has tiles of its own"))
-    if given["hybrid"] is True and given["shading_rate"] == "pixel":
-        found.append(("hybrid", "shading_rate", "nothing is left to it"))
-    if given["method"] == "accumulation":
-        found += _conflicts_of_slices(given)
-    return found
-
-
-def _conflicts_of_slices(given: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    found = []
-    if given["slice_times"] != "stochastic" and given["pattern"] not in (None, "fixed"):
-        why = "slices at rest have the same samples in every pixel; use slice_times='stochastic'"
-        found.append(("pattern", "slice_times", why))
-    if given["slices"] * given["samples"] > 65536:
-        found.append(("slices", "samples", "at most 65536 samples per pixel together"))
-    return found
+    defaults: dict[str, Any] = {field.name: field.default for field in fields(Settings)}
+    given = defaults | dict(values)
+    owners = {name: RULES[name].methods for name in SETTINGS if given[name] != defaults[name]}
+    return find_conflicts(given, owners)

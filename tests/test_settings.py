@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mbinterval.errors import UsageError
-from mbinterval.settings import OCCLUSIONS, SETTINGS, Settings, check_setting, conflicts
+from mbinterval.setting_rules import OCCLUSIONS
+from mbinterval.settings import SETTINGS, Settings, check_setting, conflicts
 
 WRONG = {
     "method": ["exact", None, 1, ["analytic"]],

@@ -20,7 +20,7 @@ from test_stochastic_twin import with_lens
 import mbinterval as mb
 from mbinterval.scene.load import load_file
 from mbinterval.scene.model import Light, Material, Mesh, Scene
-from mbinterval.settings import CULLS
+from mbinterval.setting_rules import CULLS
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 EXACT = tuple(

@@ -11,7 +11,8 @@ from studies import fewer_rows
 
 import mbinterval as mb
 from mbinterval.bench_cases import make_case
-from mbinterval.settings import CULLS, PATTERNS, Settings
+from mbinterval.setting_rules import CULLS, PATTERNS
+from mbinterval.settings import Settings
 from mbinterval.study import run as module
 from mbinterval.study.judge import Truth, errors, exact_places, fixed_places, make_truth
 from mbinterval.study.reference import Reference

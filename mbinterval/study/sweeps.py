@@ -12,7 +12,7 @@ from typing import Any
 
 from mbinterval.checks import nearest
 from mbinterval.errors import UsageError
-from mbinterval.settings import CULLS, OCCLUSIONS
+from mbinterval.setting_rules import CULLS, OCCLUSIONS
 
 _ANY = {"filter": "box", "transparent": False}
 EXACT = {**_ANY, "method": "analytic", "paths": "exact", "occlusion": "exact"}
