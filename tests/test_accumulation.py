@@ -21,7 +21,6 @@ from test_stochastic_twin import with_lens
 import mbinterval as mb
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.model import Scene
-from mbinterval.setting_rules import CULLS
 
 
 def film(of: Scene, **values: object) -> np.ndarray:
