@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from mbinterval.aovs import plane_count, split_planes
 from mbinterval.device import records
-from mbinterval.device.runtime import Runtime, seconds
+from mbinterval.device.runtime import DeviceArray, Runtime, seconds
 from mbinterval.motion import Motion
 from mbinterval.plan import Plan
 from mbinterval.record import Recorder, collectors_of
@@ -35,8 +35,8 @@ from mbinterval.work import (
     Work,
     frame_record,
     list_paths,
+    start_work,
     transform_vertices,
-    upload_scene,
 )
 
 _PATHS_PER_ITEM = 256
@@ -53,7 +53,7 @@ def render_analytic(
 
     ``progress`` is called now and then with the fraction of the tiles that are done.
     """
-    work = Work(runtime, plan, upload_scene(runtime, exposure, motion, plan), exposure)
+    work = start_work(runtime, exposure, motion, plan)
     _run_paths(work, motion)
     listed = _run_bin(work, motion)
     if "shadow" in plan.stages:
@@ -64,7 +64,7 @@ def render_analytic(
     if "share" in plan.stages:
         work.timings["share"] = 0.0
         for name in ("rgba", "sharp"):
-            if name in work.buffers:
+            if name in work.arrays:
                 _run_share(work, name)
     left, top = plan.crop[0] - plan.region[0], plan.crop[1] - plan.region[1]
     part = np.s_[top : top + plan.crop[3], left : left + plan.crop[2]]
@@ -72,9 +72,9 @@ def render_analytic(
     made = {name: taker.result() for name, taker in takers.items()}
     deep, events = made.pop("deep", None), made.pop("events", None)
     return Pixels(
-        rgba=runtime.download(work.buffers["rgba"], (plan.crop[3], plan.crop[2], 4), np.float32),
-        depth=runtime.download(work.buffers["depth"], region, np.float32)[part],
-        intervals=runtime.download(work.buffers["met"], region, np.uint32)[part],
+        rgba=runtime.download(work.arrays["rgba"], (plan.crop[3], plan.crop[2], 4), np.float32),
+        depth=runtime.download(work.arrays["depth"], region, np.float32)[part],
+        intervals=runtime.download(work.arrays["met"], region, np.uint32)[part],
         layers=_layers(work, motion, part) | made,
         deep=deep,
         events=events,
@@ -87,12 +87,12 @@ def _layers(work: Work, motion: Motion, part: tuple[slice, slice]) -> dict[str, 
     """Layers that were asked for; ``part`` of the region is the film."""
     plan, runtime = work.plan, work.runtime
     found: dict[str, NDArray[Any]] = {}
-    if "sharp" in work.buffers:
+    if "sharp" in work.arrays:
         size = plan.crop[3], plan.crop[2], 4
-        found["sharp"] = runtime.download(work.buffers["sharp"], size, np.float32)
-    if "planes" in work.buffers:
+        found["sharp"] = runtime.download(work.arrays["sharp"], size, np.float32)
+    if "planes" in work.arrays:
         size = plane_count(plan.settings.aovs), plan.region[3], plan.region[2]
-        planes = runtime.download(work.buffers["planes"], size, np.uint32)
+        planes = runtime.download(work.arrays["planes"], size, np.uint32)
         found |= split_planes(plan.settings.aovs, planes[:, *part])
     if "object" in found:
         found["object"] = motion.objects[found["object"]]
@@ -101,29 +101,19 @@ def _layers(work: Work, motion: Motion, part: tuple[slice, slice]) -> dict[str, 
 
 def _run_paths(work: Work, motion: Motion) -> None:
     """Stage "paths": transform vertices, then find the shape of every path."""
-    runtime, buffers, count = work.runtime, work.buffers, len(motion.paths)
+    count = len(motion.paths)
     work.timings["paths"] = transform_vertices(work, motion)
-    sizes = {
-        "shapes": count * records.SHAPE.itemsize,
-        "depths": count * records.DEPTH.itemsize if work.plan.exact else 0,
-    }
-    for name, size in sizes.items():
-        buffers[name] = runtime.allocate(size, name)
+    work.allocate("Shape", "shapes", count)
+    work.allocate("Depth", "depths", count if work.plan.exact else 0)
     if count == 0:
         return
     options = work.plan.flags("EXACT", "GLOSSY", "LENS")
-    cameras = [buffers["cameras"]] if "GLOSSY" in work.plan.active else []
-    event = runtime.run(
-        runtime.kernel("analytic/paths.cl", "paths", options),
-        -(-count // _PATHS_PER_ITEM),
-        *(buffers["vertices"], buffers["paths"], np.uint32(count)),
-        *(buffers[name] for name in ("meshes", "materials")),
-        *(*cameras, buffers["shapes"], buffers["depths"]),
-    )
+    items = -(-count // _PATHS_PER_ITEM)
+    event = work.run("analytic/paths.cl", "paths", options, items, count=count)
     work.timings["paths"] += seconds(event)
 
 
-def _path_order(work: Work, motion: Motion) -> Any:
+def _path_order(work: Work, motion: Motion) -> DeviceArray:
     """Order in which tiles list their paths: static ones first, from near to far.
 
     Moving ones are listed from near to far too if they are exact; others as they come.
@@ -131,28 +121,28 @@ def _path_order(work: Work, motion: Motion) -> Any:
     static, count = motion.static_paths, len(motion.paths)
     order = np.arange(count, dtype=np.uint32)
     if count:
-        near = work.runtime.download(work.buffers["shapes"], (count,), records.SHAPE)["near"]
+        near = work.runtime.download(work.arrays["shapes"], (count,), records.SHAPE)["near"]
         order[:static] = np.argsort(near[:static], kind="stable")
         if work.plan.exact:
             order[static:] = static + np.argsort(near[static:], kind="stable")
-    return work.runtime.upload(order, "order")
+    return work.runtime.upload("uint", order, "order")
 
 
 def _run_bin(work: Work, motion: Motion) -> NDArray[np.int64]:
     """Stage "bin": the paths that each tile lists; returns how many."""
-    given = work.buffers["shapes"], _path_order(work, motion)
-    reach = reach_of(work.plan.settings)
-    return list_paths(work, "analytic/bin.cl", (), given, len(motion.paths), reach)
+    order, reach = _path_order(work, motion), reach_of(work.plan.settings)
+    return list_paths(work, "analytic/bin.cl", (), order, len(motion.paths), reach)
 
 
 def _run_share(work: Work, name: str) -> None:
     """Stage "share": a film from the values at the centres of the region's pixels."""
-    runtime, plan, background = work.runtime, work.plan, work.exposure.background
-    film = runtime.allocate(16 * plan.crop[2] * plan.crop[3], name)
-    kernel = runtime.kernel("analytic/share.cl", "share", plan.options)
-    frames = [frame_record(part, background) for part in (plan.region, plan.crop)]
-    event = runtime.run(
-        kernel, plan.crop[3], work.buffers[name], *frames, work.buffers["background"], film
+    plan, background, centres = work.plan, work.exposure.background, work.arrays.pop(name)
+    work.allocate("float4", name, plan.crop[2] * plan.crop[3])
+    event = work.run(
+        *("analytic/share.cl", "share", plan.options, plan.crop[3]),
+        centres=centres,
+        given=frame_record(plan.region, background),
+        film=frame_record(plan.crop, background),
+        shared=work.arrays[name],
     )
     work.timings["share"] += seconds(event)
-    work.buffers[name] = film

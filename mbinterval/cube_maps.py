@@ -104,7 +104,7 @@ def gather(
         for faces in pictures:
             texels = np.ones((texel_count(size), 4), np.float32)
             texels[:, :3] = faces.reshape(-1, 3)
-            parts.append(_filtered(runtime, runtime.upload(texels, "surroundings"), size))
+            parts.append(_filtered(runtime, runtime.upload("float4", texels, "surroundings"), size))
             first += len(parts[-1])
     return CubeMaps(table, np.concatenate(parts))
 
@@ -124,18 +124,18 @@ def _environment_texels(runtime: Runtime, environment: Environment) -> Float32:
     if device not in known:
         size = environment_size(environment)
         height, width = environment.image.shape[:2]
-        level = runtime.allocate(16 * texel_count(size), "environment")
-        runtime.run(
-            runtime.kernel("shared/cube_map.cl", "project"),
-            6 * (size + 1),
-            runtime.upload(environment.image, "environment's image"),
-            *(np.int32(width), np.int32(height)),
-            *(
-                np.float32(np.radians(environment.rotation % 360.0)),
-                np.float32(environment.intensity),
-            ),
-            *(np.uint32(size), level),
-        )
+        level = runtime.allocate("float4", texel_count(size), "environment")
+        arguments = {
+            "image": runtime.upload("float", environment.image, "environment's image"),
+            "width": width,
+            "height": height,
+            "turn": np.radians(environment.rotation % 360.0),
+            "intensity": environment.intensity,
+            "size": size,
+            "texels": level,
+        }
+        kernel = runtime.kernel("shared/cube_map.cl", "project")
+        runtime.run(kernel, 6 * (size + 1), arguments)
         around = np.ones((6, IRRADIANCE_SIZE + 1, IRRADIANCE_SIZE + 1, 4), np.float32)
         around[..., :3] = irradiance(environment, directions(IRRADIANCE_SIZE))
         known[device] = np.concatenate([_filtered(runtime, level, size), around.reshape(-1, 4)])
@@ -187,25 +187,27 @@ def _filtered(runtime: Runtime, level: Any, size: int) -> Float32:
     record["first"][0, : len(sizes)] = np.append(0, np.cumsum(counts[:-1]))
     chain = [runtime.download(level, (counts[0], 4), np.float32)]
     for given, step in pairwise(sizes):
-        numbers = np.uint32(given), np.uint32(step)
-        halved = _rows(runtime, "halve", step, runtime.upload(chain[-1]), *numbers)
-        chain.append(halved)
-    source = runtime.upload(record), runtime.upload(np.concatenate(chain), "levels")
+        finer = runtime.upload("float4", chain[-1], "a level of a cube map")
+        chain.append(_rows(runtime, "halve", step, given=finer, given_size=given))
+    source = {
+        "given": runtime.upload("CubeMap", record, "a cube map"),
+        "given_texels": runtime.upload("float4", np.concatenate(chain), "levels"),
+    }
     parts = [chain[0]]
     rough = level_sizes(size)[1:]
     for index, step in enumerate(rough):
         count = min(_DIRECTIONS[0] << index, _DIRECTIONS[1])
         toward = lobe(0.5 ** (len(rough) - 1 - index), size, count)
-        numbers = np.uint32(len(toward)), np.uint32(step)
-        parts.append(_rows(runtime, "prefilter", step, *source, runtime.upload(toward), *numbers))
+        ways = {"lobe": runtime.upload("float4", toward, "a lobe"), "directions": len(toward)}
+        parts.append(_rows(runtime, "prefilter", step, **source, **ways))
     return np.concatenate(parts)
 
 
-def _rows(runtime: Runtime, name: str, size: int, *arguments: Any) -> Float32:
+def _rows(runtime: Runtime, name: str, size: int, **arguments: Any) -> Float32:
     """Run a kernel for each row of texels of a level; return these ``(n, 4)``."""
-    texels = runtime.allocate(16 * texel_count(size), "a level of a cube map")
+    texels = runtime.allocate("float4", texel_count(size), "a level of a cube map")
     kernel = runtime.kernel("shared/cube_map.cl", name)
-    runtime.run(kernel, 6 * (size + 1), *arguments, texels)
+    runtime.run(kernel, 6 * (size + 1), {**arguments, "size": size, "texels": texels})
     return runtime.download(texels, (texel_count(size), 4), np.float32)
 
 

@@ -39,8 +39,7 @@ def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
     if "BACKGROUND_IMAGE" in plan.active:
         film += 12 * plan.region[2] * plan.region[3]
     _, _, columns, rows = tile_grid(plan)
-    pool = sum(record.itemsize for record in tiles.pools(plan).values())
-    pools = pool * (plan.capacity + tiles.LANES)
+    pools = tiles.pool_bytes(plan, plan.capacity)
     if method != "analytic":
         pools = stochastic.scratch_bytes(plan)
     events = record.first_capacity(plan) * records.EVENT.itemsize

@@ -20,7 +20,7 @@ from mbinterval.appearance import casting
 from mbinterval.device import records
 from mbinterval.effects import Effect, active_macros, effects_of
 from mbinterval.errors import UsageError
-from mbinterval.sampling import filter_of
+from mbinterval.sampling import filter_of, reach_of
 from mbinterval.settings import Settings
 
 if TYPE_CHECKING:
@@ -45,8 +45,12 @@ class Plan:
     ----------
     stages
         Names of the stages that run, in order; each is a file in ``cl/analytic`` or ``cl/shared``.
+    active
+        Macros of what is called for: of effects, and of what is left of others.
     sizes
-        What the kernels are compiled with besides effects: numbers by the name of their macro.
+        Sizes that the kernels are compiled with, by the name of their macro.
+    numbers
+        Fields of the record ``Numbers`` that the plan decides.
     crop, region
         Column, row, width and height, in the frame, of the film, and of what is rendered for it.
     tile, layers
@@ -62,25 +66,22 @@ class Plan:
     crop: Crop
     region: Crop
     effects: tuple[Effect, ...]
+    active: frozenset[str]
     stages: tuple[str, ...]
-    sizes: tuple[tuple[str, int | float], ...]
+    sizes: tuple[tuple[str, int], ...]
+    numbers: tuple[tuple[str, int | float], ...]
     settings: Settings
     tile: int
     layers: int
     capacity: int
     memory: int | None = None
 
-    @cached_property
-    def active(self) -> frozenset[str]:
-        """Macros of the effects that are called for."""
-        return active_macros(self.effects)
-
     @property
     def exact(self) -> bool:
         """Whether depth and attributes are exact functions of time."""
         return "EXACT" in self.active
 
-    def size(self, name: str) -> int | float:
+    def size(self, name: str) -> int:
         """Return one of ``sizes``, 0 where it is none of them."""
         return dict(self.sizes).get(name, 0)
 
@@ -89,7 +90,7 @@ class Plan:
         """Compiler options of the kernels: one ``-D`` for each active effect and each size."""
         sizes = dict(self.sizes)
         flags = (f"-D{name}" for name in sorted(self.active - sizes.keys()))
-        return (*flags, *(f"-D{name}={_literal(value)}" for name, value in sizes.items()))
+        return (*flags, *(f"-D{name}={value}" for name, value in sizes.items()))
 
     def flags(self, *names: str) -> tuple[str, ...]:
         """Compiler options of a kernel that knows only these effects."""
@@ -112,6 +113,7 @@ def make_plan(
         return stochastic_plan(exposure, motion, settings, width, height, crop)
     effects = effects_of(exposure, motion, settings)
     active = active_macros(effects)
+    active |= sampling_macros(exposure, settings, active) | _own_macros(settings, active)
     if "LENS" in active and settings.paths == "triangulated":
         raise UsageError("paths='triangulated' has no lens; use paths='exact', or leave f_stop out")
     if (settings.paths, settings.occlusion) != ("exact", "exact"):
@@ -127,28 +129,22 @@ def make_plan(
         )
     tile = settings.tile_size
     layers = max(1, min(settings.samples, _SAMPLES_AT_A_TIME // tile**2))
-    sizes: dict[str, int | float] = {
-        "TILE": tile,
-        "SAMPLES": settings.samples,
-        "LAYERS": layers,
-    }
-    if "MOVING" in active:
-        if settings.occlusion != "exact":
-            sizes["MASK_BITS"] = int(settings.occlusion)
-        if settings.max_intervals is not None:
-            sizes["MAX_INTERVALS"] = settings.max_intervals
-    if active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR", "SKY"}:
-        sizes |= _shading_sizes(settings)
-    if "TEXTURED" in active and settings.anisotropy > 0:
-        sizes["ANISOTROPY"] = settings.anisotropy
-        sizes["SAMPLE_SPACING"] = settings.samples**-0.5
+    sizes = {"TILE": tile}
+    if "MOVING" in active and settings.occlusion != "exact":
+        sizes["MASK_BITS"] = int(settings.occlusion)
     if "SHADOWS" in active:
         sizes["SHADOWS"] = len(casting(exposure, settings))
-    if active & {"MOMENTARY", "AOV_SHARP"}:
-        sizes["AOV_TIME"] = float(settings.aov_time)
-    if "events" in settings.aovs:
-        sizes["EVENT_STEPS"] = settings.event_steps
-    sizes |= sampling_sizes(exposure, settings, active)
+    numbers = sampling_numbers(exposure, settings, width, height) | {
+        "samples": settings.samples,
+        "layers": layers,
+        "most_intervals": settings.max_intervals or 0,
+        "shading_error": settings.shading_error,
+        "shading_times": settings.shading_times or 0,
+        "anisotropy": settings.anisotropy,
+        "sample_spacing": settings.samples**-0.5,
+        "moment": settings.aov_time,
+        "event_steps": settings.event_steps,
+    }
     timed = _time_stages(settings, active) if "MOVING" in active else ()
     return Plan(
         width=width,
@@ -170,7 +166,9 @@ def make_plan(
             "resolve",
             *(("share",) if "FIVE_POINT" in active else ()),
         ),
+        active=active,
         sizes=tuple(sizes.items()),
+        numbers=tuple(numbers.items()),
         settings=settings,
         tile=tile,
         layers=layers,
@@ -192,11 +190,16 @@ def _refuse_stacks(settings: Settings, active: Set[str]) -> None:
             )
 
 
-def _shading_sizes(settings: Settings) -> dict[str, int | float]:
-    """Return how often colour is evaluated along a span, or what decides that."""
-    if settings.shading_times is None:
-        return {"SHADING_ERROR": float(settings.shading_error)}
-    return {"TEXTURE_SAMPLES": settings.shading_times}
+def _own_macros(settings: Settings, active: Set[str]) -> set[str]:
+    """Return macros of what settings add to effects of the analytic path."""
+    varying = active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR", "SKY"}
+    asked = {
+        "MAX_INTERVALS": "MOVING" in active and settings.max_intervals is not None,
+        "SHADING_ERROR": varying and settings.shading_times is None,
+        "ANISOTROPY": "TEXTURED" in active and settings.anisotropy > 0,
+        "EVENT_STEPS": "events" in settings.aovs,
+    }
+    return {name for name, wanted in asked.items() if wanted}
 
 
 def _around(crop: Crop, width: int, height: int) -> Crop:
@@ -206,27 +209,38 @@ def _around(crop: Crop, width: int, height: int) -> Crop:
     return (left, top, right - left, bottom - top)
 
 
-def sampling_sizes(
-    exposure: Exposure, settings: Settings, active: Set[str]
+def sampling_macros(exposure: Exposure, settings: Settings, active: Set[str]) -> set[str]:
+    """Return macros of what filter, lens and shutter add to their effects."""
+    asked = {
+        "FILTER_TABLE": "SCATTERED" in active and filter_of(settings) is not None,
+        "BLADES": "LENS" in active and exposure.camera.blades,
+        "SHUTTER_CURVE": "MOVING" in active and exposure.shutter.curve != "box",
+    }
+    return {name for name, wanted in asked.items() if wanted}
+
+
+def sampling_numbers(
+    exposure: Exposure, settings: Settings, width: int, height: int
 ) -> dict[str, int | float]:
-    """Return macros with a value that the effects of sampling, lens and shutter ask for."""
-    sizes: dict[str, int | float] = {}
-    shape, camera = filter_of(settings), exposure.camera
-    if "SCATTERED" in active and shape is not None:
-        sizes["FILTER_TABLE"] = len(shape.table) - 1
-    if "WEIGHTED" in active and shape is not None:
-        sizes["FILTER_ZERO"], sizes["FILTER_MASS"] = float(shape.zero), float(shape.mass**2)
-    if "LENS" in active and camera.blades:
-        sizes["BLADES"] = camera.blades
-        turn = math.fmod(camera.blade_rotation, 360.0)
-        sizes["BLADE_ROTATION"] = float(np.float32(np.radians(turn)))
-    if exposure.shutter.curve != "box" and "MOVING" in active:
-        sizes["SHUTTER_CURVE"] = len(shutter_keys(exposure.shutter))
-    return sizes
-
-
-def _literal(value: int | float) -> str:
-    return f"{value:.9e}f" if isinstance(value, float) else str(value)
+    """Return what the kernels of all methods are told in numbers of frame, samples and shutter."""
+    shape, camera, roll = filter_of(settings), exposure.camera, exposure.roll
+    reach = reach_of(settings)
+    return {
+        "width": width,
+        "height": height,
+        "seed": settings.seed,
+        "roll_start": roll.start if roll else 0.0,
+        "roll_step": roll.step if roll else 0.0,
+        "roll_length": roll.length if roll else 1.0,
+        "shutter_keys": len(shutter_keys(exposure.shutter)),
+        "filter_places": len(shape.table) - 1 if shape else 0,
+        "filter_zero": shape.zero if shape else 0.0,
+        "filter_mass": shape.mass**2 if shape else 1.0,
+        "reach_low": min(reach),
+        "reach_high": max(reach),
+        "blades": camera.blades or 0,
+        "blade_rotation": float(np.radians(math.fmod(camera.blade_rotation, 360.0))),
+    }
 
 
 def shutter_keys(shutter: Shutter) -> NDArray[np.void]:

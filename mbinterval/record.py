@@ -80,20 +80,15 @@ class Recorder:
             self.capacity //= 2
         self._allocate_pool()
         for name in ("event_count", "event_end"):
-            self._work.buffers[name] = self._work.runtime.allocate(4, name)
+            self._work.allocate("uint", name, 1)
 
     def _allocate_pool(self) -> None:
-        size = self.capacity * records.EVENT.itemsize
-        self._work.buffers.pop("events", None)
-        self._work.buffers["events"] = self._work.runtime.allocate(size, "pool of events")
+        self._work.allocate("Event", "events", self.capacity, "pool of events")
 
-    def arguments(self) -> list[Any]:
-        """Return the kernel's arguments, for an empty pool."""
-        buffers, runtime = self._work.buffers, self._work.runtime
-        runtime.fill(buffers["event_count"], 4)
-        runtime.fill(buffers["event_end"], 4, self.capacity)
-        names = ("events", "event_count", "event_end")
-        return [*(buffers[name] for name in names), np.uint32(self.capacity)]
+    def empty(self) -> None:
+        """Empty the pool."""
+        self._work.runtime.fill(self._work.arrays["event_count"])
+        self._work.runtime.fill(self._work.arrays["event_end"], self.capacity)
 
     def drain(self, tiles: NDArray[np.uint32]) -> float:
         """Hand on the events of ``tiles`` that are done.
@@ -101,15 +96,15 @@ class Recorder:
         Returns how long these would have taken if time were what limits how many tiles are
         rendered in one go, so that the pool gets nearly full and seldom more than that.
         """
-        buffers, runtime = self._work.buffers, self._work.runtime
-        pair = (buffers[name] for name in ("event_count", "event_end"))
+        arrays, runtime = self._work.arrays, self._work.runtime
+        pair = (arrays[name] for name in ("event_count", "event_end"))
         asked, count = (int(runtime.download(buffer, (1,), np.uint32)[0]) for buffer in pair)
         full, count = asked / (_FULL * self.capacity), min(asked, count)
         if not count:
             return 0.0
-        events = runtime.download(buffers["events"], (count,), records.EVENT)
+        events = runtime.download(arrays["events"], (count,), records.EVENT)
         _, _, columns, rows = tile_grid(self._work.plan)
-        failed = runtime.download(buffers["failed"], (columns * rows,), np.uint32)
+        failed = runtime.download(arrays["failed"], (columns * rows,), np.uint32)
         if failed[tiles].any():
             events = events[failed[self._tile_of(events["pixel"])] == DONE]
         for collector in self._collectors:

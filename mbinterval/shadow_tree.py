@@ -49,17 +49,12 @@ def prepare_rays(work: Work, motion: Motion) -> None:
     views = np.zeros(len(flat), records.LIGHT_VIEW)
     for row, view in zip(views, flat, strict=True):
         row["matrix"], row["size"], row["texel"] = scaled(view, size), size, view.width / size
-    arrays = {
-        "world": world_vertices(places),
-        "shadow_lights": light_table(lights, seen, origin),
-        "tree": nodes,
-        "leaves": leaves,
-        "light_views": views,
-        "shadow_map": np.zeros(1, np.float32),
-    }
-    for name, array in arrays.items():
-        work.buffers[name] = work.runtime.upload(array, name)
-    work.buffers["leaf_nodes"] = np.uint32(len(nodes) // 2)
+    work.upload("Vertex", "world", world_vertices(places))
+    work.upload("ShadowLight", "shadow_lights", light_table(lights, seen, origin))
+    work.upload("TreeNode", "tree", nodes)
+    work.upload("uint", "leaves", leaves)
+    work.upload("LightView", "light_views", views)
+    work.numbers["leaf_nodes"] = len(nodes) // 2
     if "shadow_map" in work.plan.stages:
         _run_shadow_map(work, flat)
 
@@ -117,7 +112,7 @@ def _morton(points: NDArray[np.float64]) -> NDArray[np.int64]:
 
 def _run_shadow_map(work: Work, views: list[View]) -> None:
     """Stage "shadow_map": depths by texel, time and view."""
-    runtime, settings, buffers = work.runtime, work.plan.settings, work.buffers
+    settings = work.plan.settings
     size, strata = settings.shadow_map or 1, settings.shadow_strata
     rays = np.zeros(len(views), records.VIEW_RAYS)
     for row, view in zip(rays, views, strict=True):
@@ -125,16 +120,9 @@ def _run_shadow_map(work: Work, views: list[View]) -> None:
         row["from"], row["way"] = (view.start * scale).T.ravel(), (view.way * scale).T.ravel()
         row["depth"] = view.near
     rows = len(views) * strata * size
-    buffers["shadow_map"] = runtime.allocate(4 * rows * size, "shadow maps")
-    names = [option for option in work.plan.options if option.startswith("-DSHADOW_")]
-    kernel = runtime.kernel("stochastic/shadow_map.cl", "shadow_map", tuple(names))
-    given = [buffers[name] for name in ("world", "paths", "tree", "leaves", "leaf_nodes")]
-    event = runtime.run(
-        kernel,
-        rows,
-        *given,
-        runtime.upload(rays, "rays of lights"),
-        np.uint32(settings.seed),
-        buffers["shadow_map"],
+    work.allocate("float", "shadow_map", rows * size)
+    event = work.run(
+        *("stochastic/shadow_map.cl", "shadow_map", (), rows),
+        views=work.runtime.upload("ViewRays", rays, "rays of lights"),
     )
     work.timings["shadow_map"] = seconds(event)

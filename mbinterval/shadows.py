@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mbinterval.appearance import casting
 from mbinterval.device import records
-from mbinterval.device.runtime import seconds
+from mbinterval.device.runtime import DeviceArray, seconds
 from mbinterval.work import Lists, Work, check_members
 
 if TYPE_CHECKING:
@@ -153,17 +153,12 @@ def prepare_shadows(work: Work, motion: Motion) -> None:
         listed += len(found.members)
         check_members(work, 4 * listed + sum(table.nbytes for table in outlines))
         first += len(found.starts)
-    arrays = {
-        "world": world_vertices(places),
-        "shadow_lights": light_table(lights, seen, origin),
-        "light_views": table,
-        "light_starts": _joined(starts, np.uint32),
-        "light_members": _joined(members, np.uint32),
-        "outlines": _joined(outlines, records.OUTLINE),
-    }
-    for name, array in arrays.items():
-        work.buffers[name] = work.runtime.upload(array, name)
-    work.buffers["path_count"] = np.uint32(len(motion.paths))
+    work.upload("Vertex", "world", world_vertices(places))
+    work.upload("ShadowLight", "shadow_lights", light_table(lights, seen, origin))
+    work.upload("LightView", "light_views", table)
+    work.upload("uint", "light_starts", _joined(starts, np.uint32))
+    work.upload("uint", "light_members", _joined(members, np.uint32))
+    work.upload("Outline", "outlines", _joined(outlines, records.OUTLINE))
 
 
 def scaled(view: View, size: int) -> Float64:
@@ -202,7 +197,8 @@ def _listed(
 ) -> Iterator[tuple[View, _Listed]]:
     """Stages "paths" and "bin" for each view."""
     # Both sides of every surface stand in the light.
-    materials = work.runtime.upload(np.zeros(len(motion.materials), records.MATERIAL), "materials")
+    both = np.zeros(len(motion.materials), records.MATERIAL)
+    materials = work.runtime.upload("Material", both, "materials")
     for view in views:
         seen = places @ view.matrix[:, :3].T + view.matrix[:, 3]
         nears, casters = _least_depths(seen[:, 3], motion), casters_of(motion)
@@ -247,21 +243,23 @@ def _list_view(
     motion: Motion,
     seen: Float64,
     size: int,
-    materials: Any,
+    materials: DeviceArray,
     order: NDArray[np.uint32],
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.void]] | None:
     """Return starts and members of the tiles, and shapes; None if members are too many."""
-    runtime, buffers, count = work.runtime, work.buffers, len(motion.paths)
-    vertices = runtime.upload(world_vertices(seen[:, :3] * [size, size, 1.0]), "vertices")
-    shapes = runtime.allocate(count * records.SHAPE.itemsize, "shapes")
-    event = runtime.run(
-        runtime.kernel("analytic/paths.cl", "paths"),
-        -(-count // _PATHS_PER_ITEM),
-        *(vertices, buffers["paths"], np.uint32(count), buffers["meshes"], materials),
-        *(shapes, runtime.allocate(0, "depths")),
+    runtime, count = work.runtime, len(motion.paths)
+    vertices = world_vertices(seen[:, :3] * [size, size, 1.0])
+    shapes = runtime.allocate("Shape", count, "shapes")
+    event = work.run(
+        *("analytic/paths.cl", "paths", (), -(-count // _PATHS_PER_ITEM)),
+        count=count,
+        vertices=runtime.upload("Vertex", vertices, "vertices"),
+        materials=materials,
+        shapes=shapes,
+        depths=runtime.allocate("Depth", 0, "depths"),
     )
     work.timings["paths"] += seconds(event)
-    given = shapes, runtime.upload(order, "order")
+    given = {"shapes": shapes, "order": runtime.upload("uint", order, "order")}
     lists = Lists(
         runtime, "analytic/bin.cl", (), given, len(order), (0, 0, size, size), 1, (0, 1, 0, 1)
     )

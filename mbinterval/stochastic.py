@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,19 +23,17 @@ from mbinterval.scene.exposure import Exposure
 from mbinterval.shadow_tree import prepare_rays
 from mbinterval.stochastic_plan import sample_count
 from mbinterval.work import (
-    CUBE_MAPS,
     Pixels,
     Work,
     add_counts,
     frame_record,
+    grid_record,
     in_parts,
     list_paths,
     memory_room,
-    packed,
     shadow_count,
-    tile_grid,
+    start_work,
     transform_vertices,
-    upload_scene,
 )
 
 TILE_STAGES = ("scatter", "sample", "shade", "resolve")
@@ -46,18 +43,19 @@ _COUNTS = (
     *("bounded", "visited", "stage1", "tests", "hits", "depth_tests"),
     *("texels", "texel_lines"),
 )
-_ARGUMENTS = (
-    *("vertices", "paths", "bounds", "meshes", "materials", "color", "uv"),
-    *("normal", "textures", "texels", "lights", "cameras", "slots", "filter", "shutter"),
-    *("background", "starts", "members", "queue", "next", "samples", "pixels", "counters"),
-    *("rgba", "depth", "seen"),
-)
-_SHADOWS = (
-    *("world", "shadow_lights", "tree", "leaves", "leaf_nodes", "light_views", "shadow_map"),
-)
+_SAMPLE_SCRATCH = {
+    **dict.fromkeys(("sample_x", "sample_y", "sample_t", "sample_u", "sample_v"), "float"),
+    **{"sample_depth": "float", "sample_owner": "uint"},
+}
+_GLOSSY_SCRATCH = {"sample_a": "float", "sample_b": "float"}
+_MIRROR_SCRATCH = {"sample_mirror_depth": "float", "sample_mirror_owner": "uint"}
+_PIXEL_SCRATCH = {"pixel_color": "float4", "pixel_depth": "float", "pixel_seen": "uint"}
+_SIGNED_SCRATCH = {
+    **{"pixel_signed_color": "float4", "pixel_signed_depth": "float", "pixel_signs": "float"},
+}
+_KEPT_SCRATCH = {"kept_color": "float4", "kept_depth": "float"}
 _PATHS_PER_ITEM = 256
 _SLAB = 256
-_PIXEL_VECTORS = 8
 
 
 def render_stochastic(
@@ -68,7 +66,7 @@ def render_stochastic(
     progress: Callable[[float], None] | None = None,
 ) -> Pixels:
     """Render ``exposure``, laid out as ``motion``, by the stages of ``plan``."""
-    work = Work(runtime, plan, upload_scene(runtime, exposure, motion, plan), exposure)
+    work = start_work(runtime, exposure, motion, plan)
     work.timings["vertices"] = transform_vertices(work, motion)
     _run_bounds(work, motion)
     listed = _run_bin(work, motion)
@@ -79,9 +77,9 @@ def render_stochastic(
         _run_rgss(work)
     height, width = plan.crop[3], plan.crop[2]
     return Pixels(
-        rgba=runtime.download(work.buffers["rgba"], (height, width, 4), np.float32),
-        depth=runtime.download(work.buffers["depth"], (height, width), np.float32),
-        intervals=runtime.download(work.buffers["seen"], (height, width), np.uint32),
+        rgba=runtime.download(work.arrays["rgba"], (height, width, 4), np.float32),
+        depth=runtime.download(work.arrays["depth"], (height, width), np.float32),
+        intervals=runtime.download(work.arrays["seen"], (height, width), np.uint32),
         timings=work.timings,
         stats=counts,
     )
@@ -89,31 +87,24 @@ def render_stochastic(
 
 def _run_bounds(work: Work, motion: Motion) -> None:
     """Stage "bounds": depth and scale of every path, and whether it can be seen."""
-    runtime, buffers, count = work.runtime, work.buffers, len(motion.paths)
-    buffers["bounds"] = runtime.allocate(count * records.BOUNDS.itemsize, "bounds")
+    count = len(motion.paths)
+    work.allocate("Bounds", "bounds", count)
     work.timings["bounds"] = 0.0
     if count == 0:
         return
-    event = runtime.run(
-        runtime.kernel("stochastic/bounds.cl", "bounds", work.plan.flags("GLOSSY")),
-        -(-count // _PATHS_PER_ITEM),
-        *(buffers["vertices"], buffers["paths"], np.uint32(count)),
-        *(buffers["meshes"], buffers["materials"], buffers["cameras"]),
-        *(np.int32(work.plan.width), np.int32(work.plan.height), buffers["bounds"]),
-    )
+    options, items = work.plan.flags("GLOSSY"), -(-count // _PATHS_PER_ITEM)
+    event = work.run("stochastic/bounds.cl", "bounds", options, items)
     work.timings["bounds"] = seconds(event)
 
 
 def _run_bin(work: Work, motion: Motion) -> NDArray[np.int64]:
     """Stage "bin": the paths that each tile lists, from near to far; returns how many."""
-    runtime, buffers, count = work.runtime, work.buffers, len(motion.paths)
-    bounds = runtime.download(buffers["bounds"], (count,), records.BOUNDS)
+    runtime, count = work.runtime, len(motion.paths)
+    bounds = runtime.download(work.arrays["bounds"], (count,), records.BOUNDS)
     order = np.argsort(bounds["near"], kind="stable").astype(np.uint32)
-    names = ("vertices", "paths", "bounds", "meshes", "cameras")
-    given = (*(buffers[name] for name in names), runtime.upload(order, "order"))
-    asked = work.plan.flags("GLOSSY", "LENS")
-    reach = reach_of(work.plan.settings)
-    return list_paths(work, "stochastic/bin.cl", asked, given, count, reach)
+    options, reach = work.plan.flags("GLOSSY", "LENS"), reach_of(work.plan.settings)
+    listed = runtime.upload("uint", order, "order")
+    return list_paths(work, "stochastic/bin.cl", options, listed, count, reach)
 
 
 def _render_tiles(
@@ -138,64 +129,69 @@ def _render_tiles(
 
 def scratch_bytes(plan: Plan) -> int:
     """Return the bytes of a worker's scratch: the samples and the pixels of a tile."""
-    return (4 * _scratch_words(plan) * plan.layers + 16 * _PIXEL_VECTORS) * _SLAB
+    return sum(records.element(kind).itemsize * count for kind, count in _scratch(plan).values())
 
 
-def _scratch_words(plan: Plan) -> int:
-    """Words of scratch for each sample: ``SCRATCH`` of ``cl/stochastic/tile.cl``."""
-    return 7 + 2 * ("MIRRORS" in plan.active) + 2 * ("GLOSSY" in plan.active)
+def _scratch(plan: Plan) -> dict[str, tuple[str, int]]:
+    """Return the scratch arrays by name: kind, and how many elements each worker has."""
+    samples, pixels = plan.layers * _SLAB, _SLAB
+    asked = [
+        (_SAMPLE_SCRATCH, True, samples),
+        (_GLOSSY_SCRATCH, "GLOSSY" in plan.active, samples),
+        (_MIRROR_SCRATCH, "MIRRORS" in plan.active, samples),
+        (_PIXEL_SCRATCH, True, pixels),
+        (_SIGNED_SCRATCH, "WEIGHTED" in plan.active, pixels),
+        (_KEPT_SCRATCH, "PATTERN_RGSS" in plan.active, pixels * sample_count(plan.settings)),
+    ]
+    return {
+        name: (kind, count)
+        for arrays, there, count in asked
+        if there
+        for name, kind in arrays.items()
+    }
 
 
 def _allocate(work: Work, workers: int) -> None:
     """Buffers of the film, and each worker's scratch."""
     width, height = work.plan.region[2:]
     kept = 4 if "rgss" in work.plan.stages else 1
-    sizes = {
-        "next": 4,
-        "samples": 4 * _scratch_words(work.plan) * work.plan.layers * _SLAB * workers,
-        "pixels": 16 * _PIXEL_VECTORS * _SLAB * workers,
-        "counters": 8 * len(TILE_STAGES + _COUNTS) * workers,
-        "rgba": 16 * kept * width * height,
-        "depth": 4 * kept * width * height,
-        "seen": 4 * width * height,
-    }
-    for name, size in sizes.items():
-        work.buffers[name] = work.runtime.allocate(size, name)
+    for name, (kind, count) in _scratch(work.plan).items():
+        work.allocate(kind, name, count * workers)
+    work.allocate("uint", "next", 1)
+    work.allocate("ulong", "counters", len(TILE_STAGES + _COUNTS) * workers)
+    work.allocate("float4", "rgba", kept * width * height)
+    work.allocate("float", "depth", kept * width * height)
+    work.allocate("uint", "seen", width * height)
 
 
 def _run_part(work: Work, queue: NDArray[np.uint32], workers: int, stats: dict[str, int]) -> float:
     """Render the queued tiles; returns seconds."""
-    runtime, buffers, plan = work.runtime, work.buffers, work.plan
-    left, top, columns, rows = tile_grid(plan)
-    buffers["queue"] = runtime.upload(queue, "queue")
-    runtime.fill(buffers["next"], 4)
-    runtime.fill(buffers["counters"], 8 * len(TILE_STAGES + _COUNTS) * workers)
-    roll, background = work.exposure.roll, work.exposure.background
-    rolling = (roll.start, roll.step, roll.length) if roll else (0.0, 0.0, 1.0)
-    numbers = len(queue), buffers["light_count"], plan.settings.seed
-    reach = reach_of(plan.settings)
-    grid = packed(
-        *("iiiiIIIfffffii", left, top, columns, rows, *numbers),
-        *(*rolling, min(reach), max(reach), plan.width, plan.height),
+    plan = work.plan
+    work.upload("uint", "queue", queue)
+    work.runtime.fill(work.arrays["next"])
+    work.runtime.fill(work.arrays["counters"])
+    event = work.run(
+        *("stochastic/tile.cl", "tile", plan.options, min(workers, len(queue))),
+        grid=grid_record(plan, len(queue)),
+        frame=frame_record(plan.region, work.exposure.background),
     )
-    frame = frame_record(plan.region, background)
-    kernel = runtime.kernel("stochastic/tile.cl", "tile", plan.options)
-    names = (*_ARGUMENTS, *(_SHADOWS if shadow_count(plan) else ()))
-    names += CUBE_MAPS if "cube_map" in plan.stages else ()
-    arguments: list[Any] = [buffers[name] for name in names]
-    took = seconds(runtime.run(kernel, min(workers, len(queue)), *arguments, grid, frame))
+    took = seconds(event)
     add_counts(work, TILE_STAGES, _COUNTS, workers, took, stats)
     return took
 
 
 def _run_rgss(work: Work) -> None:
     """Stage "rgss": the filter of eight samples, from what "resolve" kept of every pixel."""
-    runtime, buffers, plan = work.runtime, work.buffers, work.plan
-    kept = [buffers[name] for name in ("rgba", "depth", "seen")]
+    plan = work.plan
+    colors, depths, seen = (work.arrays.pop(name) for name in ("rgba", "depth", "seen"))
     width, height = plan.crop[2:]
-    for name, size in (("rgba", 16), ("depth", 4), ("seen", 4)):
-        buffers[name] = runtime.allocate(size * width * height, name)
-    frame = frame_record(plan.crop, work.exposure.background)
-    films = [buffers[name] for name in ("background", "rgba", "depth", "seen")]
-    kernel = runtime.kernel("stochastic/rgss.cl", "rgss", plan.options)
-    work.timings["rgss"] = seconds(runtime.run(kernel, height, *kept, *films, frame))
+    for name, kind in (("rgba", "float4"), ("depth", "float"), ("seen", "uint")):
+        work.allocate(kind, name, width * height)
+    event = work.run(
+        *("stochastic/rgss.cl", "rgss", plan.options, height),
+        colors=colors,
+        depths=depths,
+        kept_seen=seen,
+        frame=frame_record(plan.crop, work.exposure.background),
+    )
+    work.timings["rgss"] = seconds(event)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from mbinterval.appearance import casting
 from mbinterval.effects import Effect, active_macros, effects_of
 from mbinterval.errors import UsageError
-from mbinterval.plan import AROUND, Crop, Plan, sampling_sizes
+from mbinterval.plan import AROUND, Crop, Plan, sampling_macros, sampling_numbers
 from mbinterval.sampling import pattern_of
 from mbinterval.settings import Settings
 
@@ -56,13 +56,22 @@ def stochastic_plan(
     slabs = min(samples, SLABS)
     # Slots of the fixed pattern are where the filter puts them; other places are put on the device.
     placed = set() if pattern_of(settings) == "fixed" else {"SCATTERED"}
-    sizes: dict[str, int | float] = {
+    active |= sampling_macros(exposure, settings, active | placed)
+    sizes = {
         "SAMPLES": samples,
         "SLABS": slabs,
         "SLAB_GROUPS": -(-samples // slabs),
-        **sampling_sizes(exposure, settings, active | placed),
         **_own_sizes(settings, active),
-        **_shadow_sizes(exposure, settings, active),
+    }
+    if "SHADOWS" in active:
+        sizes["SHADOWS"] = len(casting(exposure, settings))
+    if shadow_map:
+        active |= {"SHADOW_MAP"}
+    numbers = sampling_numbers(exposure, settings, width, height)
+    numbers |= {
+        "shadow_size": settings.shadow_map or 0,
+        "shadow_strata": settings.shadow_strata,
+        "shadow_bias": settings.shadow_bias,
     }
     return Plan(
         width=width,
@@ -77,7 +86,9 @@ def stochastic_plan(
             *("scatter", "sample", "shade", "resolve"),
             *(("rgss",) if settings.pattern == "rgss" else ()),
         ),
+        active=active,
         sizes=tuple(sizes.items()),
+        numbers=tuple(numbers.items()),
         settings=settings,
         tile=16,
         layers=slabs,
@@ -137,8 +148,8 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
     )  # fmt: skip
 
 
-def _own_sizes(settings: Settings, active: Set[str]) -> dict[str, int | float]:
-    sizes: dict[str, int | float] = {}
+def _own_sizes(settings: Settings, active: Set[str]) -> dict[str, int]:
+    sizes: dict[str, int] = {}
     samples = sample_count(settings)
     if "PATTERN_JITTERED" in active:
         sizes["GRID_X"] = _nearest_divisor(samples)
@@ -151,18 +162,6 @@ def _own_sizes(settings: Settings, active: Set[str]) -> dict[str, int | float]:
         sizes |= {"STRATA_U": along, "STRATA_V": along, "STRATA_T": times}
     if settings.cull_tile != 1:
         sizes["CULL_TILE"] = settings.cull_tile
-    return sizes
-
-
-def _shadow_sizes(
-    exposure: Exposure, settings: Settings, active: Set[str]
-) -> dict[str, int | float]:
-    if "SHADOWS" not in active:
-        return {}
-    sizes: dict[str, int | float] = {"SHADOWS": len(casting(exposure, settings))}
-    if settings.shadow_map is not None:
-        sizes |= {"SHADOW_MAP": settings.shadow_map, "SHADOW_STRATA": settings.shadow_strata}
-        sizes["SHADOW_BIAS"] = float(settings.shadow_bias)
     return sizes
 
 

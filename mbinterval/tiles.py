@@ -9,20 +9,19 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.aovs import plane_count
 from mbinterval.device import records
 from mbinterval.device.runtime import seconds
 from mbinterval.errors import CapacityError
 from mbinterval.plan import Plan
 from mbinterval.record import EVENTS_FULL, POOLS_FULL, Recorder
 from mbinterval.work import (
-    CUBE_MAPS,
     Work,
     add_counts,
     frame_record,
+    grid_record,
     in_parts,
-    layer_bytes,
     memory_room,
-    packed,
     tile_grid,
 )
 
@@ -35,30 +34,16 @@ TILE_STAGES = (
 """Stages of the fused kernel, in the order in which it counts their time."""
 
 _COUNTS = ("tests", "hits")
-_ARGUMENTS = (
-    *("vertices", "paths", "shapes", "meshes", "materials", "color", "uv", "normal"),
-    *("textures", "texels", "lights", "cameras", "slots", "filter", "shutter", "background"),
-    *("starts", "members", "queue", "next", "failed", "samples", "pixels", "counters"),
-    *("rgba", "depth", "met"),
-)
-_LAYERS = ("sharp", "planes", "forward", "backward")  # those that are asked for
-_SHADOWS = (
-    *("world", "shadow_lights", "light_views", "light_starts", "light_members", "outlines"),
-    *("stamps", "path_count"),
-)
-_EXACT_POOLS = {
-    "visits": records.VISIT,
-    "fronts": records.FRONT,
-    "merged": records.FRONT,
-    "ordering": records.ORDERING,
+_SAMPLE_SCRATCH = {
+    **{"sample_static_depth": "double", "sample_static_part": "uint", "sample_heads": "int"},
+    **{"sample_met": "uint", "sample_spans": "Run", "sample_still": "float4"},
 }
+_PIXEL_SCRATCH = {"pixel_color": "float4", "pixel_depth": "float", "pixel_met": "uint"}
+_EXACT_POOLS = {"visits": "Visit", "fronts": "Front", "merged": "Front", "ordering": "Ordering"}
 _TRIANGULATED_POOLS = {
-    "fragments": records.FRAGMENT,
-    "intervals": records.INTERVAL,
-    "sorting": records.SORTING,
-    "sorted": records.INTERVAL,
+    **{"fragments": "Fragment", "intervals": "Interval"},
+    **{"sorting": "Sorting", "sorted": "Interval"},
 }
-_PIXEL_VECTORS = 2
 LANES = 16
 """Records that every pool has beyond its capacity, for whole vectors to be written."""
 _GROWTH = 4
@@ -94,7 +79,7 @@ def render_tiles(
         for done in in_parts(queue, loads[queue], render):
             if progress is not None:
                 progress((len(listed) - len(queue) + done) / len(listed))
-        failed = work.runtime.download(work.buffers["failed"], listed.shape, np.uint32)[queue]
+        failed = work.runtime.download(work.arrays["failed"], listed.shape, np.uint32)[queue]
         if recorder is not None and (failed == EVENTS_FULL).any():
             some_fitted = bool((failed != EVENTS_FULL).any())
             if not recorder.make_room(some_fitted, alone=workers == 1):
@@ -108,48 +93,67 @@ def render_tiles(
 
 
 def _allocate(work: Work, workers: int) -> None:
-    """Buffers of the film, and of the scratch that does not depend on the pools' capacity."""
-    _, _, columns, rows = tile_grid(work.plan)
-    width, height = work.plan.region[2:]
-    asked = work.plan.settings.aovs
-    pixels = work.plan.tile**2 * workers
-    sizes = {
-        "next": 4,
-        "failed": 4 * columns * rows,
-        "samples": 4 * _sample_words(work.plan) * work.plan.layers * pixels,
-        "pixels": 16 * (_PIXEL_VECTORS + ("sharp" in asked)) * pixels,
-        "counters": 8 * len(TILE_STAGES + _COUNTS) * workers,
-        "rgba": 16 * width * height,
-        "depth": 4 * width * height,
-        "met": 4 * width * height,
-        **layer_bytes(work.plan),
-    }
-    if "shadow" in work.plan.stages:
-        sizes["stamps"] = 4 * int(work.buffers["path_count"]) * workers
-    for name, size in sizes.items():
-        work.buffers[name] = work.runtime.allocate(size, name)
-
-
-def _sample_words(plan: Plan) -> int:
-    """Words of scratch for each sample: ``SAMPLE_WORDS`` of ``cl/analytic/tile.h``."""
-    glossy = 2 if "GLOSSY" in plan.active else 0
-    return 18 + glossy + ("operations" in plan.settings.aovs)
-
-
-def pools(plan: Plan) -> dict[str, np.dtype[np.void]]:
-    """Pools of a work-item: record of each."""
-    kinds = _EXACT_POOLS if plan.exact else _TRIANGULATED_POOLS
+    """Make the film, and the scratch that does not depend on the pools' capacity."""
+    plan = work.plan
+    _, _, columns, rows = tile_grid(plan)
+    pixels, asked = plan.region[2] * plan.region[3], plan.settings.aovs
+    work.allocate("uint", "next", 1)
+    work.allocate("uint", "failed", columns * rows)
+    work.allocate("ulong", "counters", len(TILE_STAGES + _COUNTS) * workers)
+    work.allocate("float4", "rgba", pixels)
+    work.allocate("float", "depth", pixels)
+    work.allocate("uint", "met", pixels)
+    if "sharp" in asked:
+        work.allocate("float4", "sharp", pixels)
+    if plane_count(asked):
+        work.allocate("uint", "planes", pixels * plane_count(asked))
+    for name, (kind, count) in _scratch(plan).items():
+        work.allocate(kind, name, count * workers)
     if "shadow" in plan.stages:
-        return {**kinds, "steps": records.STEP, "spans": records.SHADED_SPAN}
-    return {**kinds, "spans": records.SPAN}
+        work.allocate("uint", "path_stamps", work.numbers["path_count"] * workers)
+
+
+def _scratch(plan: Plan) -> dict[str, tuple[str, int]]:
+    """Return the scratch arrays by name: kind, and how many elements each worker has."""
+    pixels = plan.tile**2
+    arrays = {name: (kind, plan.layers * pixels) for name, kind in _SAMPLE_SCRATCH.items()}
+    arrays |= {name: (kind, pixels) for name, kind in _PIXEL_SCRATCH.items()}
+    if plan.exact:
+        arrays["sample_tails"] = "int", plan.layers * pixels
+    else:
+        arrays["sample_intervals"] = "Run", plan.layers * pixels
+    if "PLACED" in plan.active:
+        arrays["sample_places"] = "Place", plan.layers * pixels
+    if "WEIGHTED" in plan.active:
+        arrays["sample_weights"] = "float", plan.layers * pixels
+    if "AOV_SHARP" in plan.active:
+        arrays["pixel_sharp"] = "float4", pixels
+    if "AOV_OPERATIONS" in plan.active:
+        arrays["sample_tested"] = "uint", plan.layers * pixels
+        arrays["pixel_operations"] = "uint", pixels
+    return arrays
+
+
+def pools(plan: Plan) -> dict[str, str]:
+    """Pools of a work-item: kind of record of each."""
+    kinds = _EXACT_POOLS if plan.exact else _TRIANGULATED_POOLS
+    return {**kinds, **({"steps": "Step"} if "shadow" in plan.stages else {}), "spans": "Span"}
+
+
+def pool_bytes(plan: Plan, capacity: int) -> int:
+    """Bytes of the pools of a work-item."""
+    return sum(_record_bytes(plan).values()) * (capacity + LANES)
+
+
+def _record_bytes(plan: Plan) -> dict[str, int]:
+    return {name: records.element(kind, plan.active).itemsize for name, kind in pools(plan).items()}
 
 
 def _allocate_pools(work: Work, capacity: int, workers: int) -> None:
     for name in pools(work.plan):
-        work.buffers.pop(name, None)  # the smaller ones go before larger ones come
-    for name, record in pools(work.plan).items():
-        size = record.itemsize * (capacity + LANES) * workers
-        work.buffers[name] = work.runtime.allocate(size, f"pool of {name}")
+        work.arrays.pop(name, None)  # the smaller ones go before larger ones come
+    for name, kind in pools(work.plan).items():
+        work.allocate(kind, name, (capacity + LANES) * workers, f"pool of {name}")
 
 
 def _run_part(
@@ -161,27 +165,18 @@ def _run_part(
     recorder: Recorder | None,
 ) -> float:
     """Render the queued tiles with pools as they are; returns seconds, for `in_parts`."""
-    runtime, buffers, plan = work.runtime, work.buffers, work.plan
-    left, top, columns, rows = tile_grid(plan)
-    buffers["queue"] = runtime.upload(queue, "queue")
-    runtime.fill(buffers["next"], 4)
-    runtime.fill(buffers["counters"], 8 * len(TILE_STAGES + _COUNTS) * workers)
-    roll, background = work.exposure.roll, work.exposure.background
-    rolling = (roll.start, roll.step, roll.length) if roll else (0.0, 0.0, 1.0)
-    counts = len(queue), capacity, buffers["light_count"], buffers["static_paths"]
-    grid = packed("iiiiIIIIIfff", left, top, columns, rows, *counts, plan.settings.seed, *rolling)
-    frame = frame_record(plan.region, background)
-    layers = [name for name in _LAYERS if name in buffers]
-    names = [*_ARGUMENTS, *layers, *(("depths",) if plan.exact else ()), *pools(plan)]
-    if "shadow" in plan.stages:
-        names[-2:-2] = _SHADOWS
-        runtime.fill(buffers["stamps"], 4 * int(buffers["path_count"]) * workers)
-    names += CUBE_MAPS if "cube_map" in plan.stages else ()
-    kernel = runtime.kernel("analytic/tile.cl", "tile", plan.options)
-    arguments = [buffers[name] for name in names]
+    runtime, plan = work.runtime, work.plan
+    work.upload("uint", "queue", queue)
+    for name in ("next", "counters", *(("path_stamps",) if "shadow" in plan.stages else ())):
+        runtime.fill(work.arrays[name])
     if recorder is not None:
-        arguments += recorder.arguments()
-    took = seconds(runtime.run(kernel, min(workers, len(queue)), *arguments, grid, frame))
+        recorder.empty()
+    event = work.run(
+        *("analytic/tile.cl", "tile", plan.options, min(workers, len(queue))),
+        grid=grid_record(plan, len(queue), capacity, recorder.capacity if recorder else 0),
+        frame=frame_record(plan.region, work.exposure.background),
+    )
+    took = seconds(event)
     add_counts(work, TILE_STAGES, _COUNTS, workers, took, stats)
     return took if recorder is None else max(took, recorder.drain(queue))
 
@@ -189,31 +184,26 @@ def _run_part(
 def _first_pools(work: Work, workers: int) -> tuple[int, int]:
     """Capacity of the first pools, and work-items; less where memory is short."""
     capacity, room = work.plan.capacity, memory_room(work)
-    while capacity > _LEAST_CAPACITY and _pool_bytes(work.plan, capacity) * workers > room:
+    while capacity > _LEAST_CAPACITY and pool_bytes(work.plan, capacity) * workers > room:
         capacity //= 2
     return capacity, _workers_that_fit(work, capacity, workers)
 
 
-def _pool_bytes(plan: Plan, capacity: int) -> int:
-    """Bytes of the pools of a work-item."""
-    return sum(record.itemsize for record in pools(plan).values()) * (capacity + LANES)
-
-
 def least_pools(plan: Plan) -> int:
     """Bytes of the smallest pools that a render begins with, for one work-item."""
-    return _pool_bytes(plan, min(plan.capacity, _LEAST_CAPACITY))
+    return pool_bytes(plan, min(plan.capacity, _LEAST_CAPACITY))
 
 
 def _workers_that_fit(work: Work, capacity: int, workers: int) -> int:
     """Fewer work-items where the pools of all would not fit into the memory that there is."""
-    most = max(record.itemsize for record in pools(work.plan).values()) * (capacity + LANES)
+    most = max(_record_bytes(work.plan).values()) * (capacity + LANES)
     device, room = work.runtime.device, memory_room(work, besides=pools(work.plan))
-    fit = min(device.max_mem_alloc_size // most, room // _pool_bytes(work.plan, capacity))
+    fit = min(device.max_mem_alloc_size // most, room // pool_bytes(work.plan, capacity))
     if fit >= 1:
         return min(workers, int(fit))
     if work.plan.memory is not None:
         raise CapacityError(
-            f"the pools of a tile take {_pool_bytes(work.plan, capacity) / 2**20:.1f} MiB, and "
+            f"the pools of a tile take {pool_bytes(work.plan, capacity) / 2**20:.1f} MiB, and "
             f"{max(room, 0) / 2**20:.1f} MiB of the memory that is allowed are left: allow more, "
             "or use a smaller tile_size, fewer samples, or crops"
         )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mbinterval.aovs import plane_count
 from mbinterval.appearance import appearance, casting, fit_background
 from mbinterval.device import records
-from mbinterval.device.runtime import Runtime, seconds
+from mbinterval.device.runtime import DeviceArray, Runtime, seconds
 from mbinterval.errors import CapacityError
 from mbinterval.motion import Motion
 from mbinterval.plan import Crop, Plan, shutter_keys
@@ -27,6 +27,11 @@ if TYPE_CHECKING:
     from mbinterval.deep import DeepImage
     from mbinterval.events import Events
     from mbinterval.scene.mirrors import Mirror
+
+_PLACES = {"maps": "CubeMap", "map_texels": "float4", "sky": "Sky"} | dict.fromkeys(
+    ("forward", "backward"), "double"
+)
+"""Kinds of what `Motion` has in ``places``."""
 
 _FILM_BYTES = 24  # of a pixel: colour, depth, intervals
 
@@ -51,19 +56,48 @@ class Pixels:
 
 @dataclass(eq=False)
 class Work:
-    """A frame in work: the plan, the device's buffers by name, and seconds by stage so far."""
+    """A frame in work: the plan, and on the device what kernels take by the names they give it.
+
+    Attributes
+    ----------
+    arrays
+        Arrays on the device by name.
+    numbers
+        Fields of the record ``Numbers``, but for the plan's.
+    timings
+        Seconds by stage so far.
+    """
 
     runtime: Runtime
     plan: Plan
-    buffers: dict[str, Any]
     exposure: Exposure
+    arrays: dict[str, DeviceArray] = field(default_factory=dict)
+    numbers: dict[str, int] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=dict)
 
+    def upload(self, kind: str, name: str, array: NDArray[Any]) -> None:
+        """Give the device an array to read."""
+        self.arrays[name] = self.runtime.upload(kind, array, name)
 
-def upload_scene(
-    runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan
-) -> dict[str, Any]:
-    """Buffers of everything that the kernels read, and a few counts."""
+    def allocate(self, kind: str, name: str, count: int, what: str = "") -> None:
+        """Make an array of ``count`` elements on the device; what had the name before goes."""
+        self.arrays.pop(name, None)
+        self.arrays[name] = self.runtime.allocate(kind, count, what or name, self.plan.active)
+
+    def run(self, file: str, name: str, options: Sequence[str], items: int, **more: Any) -> Any:
+        """Run a kernel on the arrays and numbers that are here, and ``more``; returns its event."""
+        kernel = self.runtime.kernel(file, name, options)
+        return self.runtime.run(kernel, items, {**self.arrays, "numbers": self.record(), **more})
+
+    def record(self) -> NDArray[np.void]:
+        """Return what the kernels are told in numbers."""
+        fields = dict.fromkeys(records.NUMBERS.names or (), 0)
+        return records.pack("Numbers", **(fields | dict(self.plan.numbers) | self.numbers))
+
+
+def start_work(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) -> Work:
+    """Give the device everything that the kernels read of a scene."""
+    work = Work(runtime, plan, exposure)
     shape = filter_of(plan.settings)
     # Lights are placed relative to the eye, so that they are as exact far from the origin.
     casters = casting(exposure, plan.settings) if shadow_count(plan) else ()
@@ -80,32 +114,34 @@ def upload_scene(
         rows = np.clip(np.arange(y, y + height), 0, plan.height - 1)
         columns = np.clip(np.arange(x, x + width), 0, plan.width - 1)
         background = np.ascontiguousarray(image[rows[:, None], columns])
-    arrays = {
-        "positions": motion.positions,
-        "jobs": motion.jobs,
-        "cameras": motion.cameras,
-        "paths": motion.paths,
-        "meshes": motion.meshes,
-        "color": motion.color,
-        "uv": motion.uv,
-        "normal": motion.normal,
-        "materials": looks.materials,
-        "textures": looks.textures,
-        "texels": looks.texels,
-        "lights": looks.lights,
-        "slots": slots_of(plan.settings),
-        "filter": np.zeros(0) if shape is None else shape.table.astype(np.float32),
-        "shutter": shutter_keys(exposure.shutter),
-        "background": background,
-        "mirror_planes": mirror_planes(exposure.mirrors),
-        **motion.places,
+    table = np.zeros(0) if shape is None else shape.table
+    work.upload("double", "positions", motion.positions)
+    work.upload("VertexJob", "jobs", motion.jobs)
+    work.upload("Camera", "cameras", motion.cameras)
+    work.upload("Path", "paths", motion.paths)
+    work.upload("Mesh", "meshes", motion.meshes)
+    work.upload("float", "vertex_colors", motion.color)
+    work.upload("float", "uvs", motion.uv)
+    work.upload("float", "normals", motion.normal)
+    work.upload("Material", "materials", looks.materials)
+    work.upload("Texture", "textures", looks.textures)
+    work.upload("float4", "texels", looks.texels)
+    work.upload("Light", "lights", looks.lights)
+    work.upload("Slot", "slots", slots_of(plan.settings))
+    work.upload("float", "filter", table.astype(np.float32))
+    work.upload("ShutterKey", "shutter", shutter_keys(exposure.shutter))
+    work.upload("float", "background", background)
+    work.upload("MirrorPlane", "mirror_planes", mirror_planes(exposure.mirrors))
+    for name, kind in _PLACES.items():
+        if name in motion.places:
+            work.upload(kind, name, motion.places[name])
+    work.numbers = {
+        "light_count": len(exposure.lights),
+        "static_paths": motion.static_paths,
+        "path_count": len(motion.paths),
+        "sky_count": len(motion.places.get("sky", ())),
     }
-    buffers: dict[str, Any] = {}
-    for name, array in arrays.items():
-        buffers[name] = runtime.upload(array, name)
-    buffers["light_count"], buffers["static_paths"] = len(exposure.lights), motion.static_paths
-    buffers["sky_count"] = np.uint32(len(motion.places.get("sky", ())))
-    return buffers
+    return work
 
 
 def mirror_planes(mirrors: tuple[Mirror, ...]) -> NDArray[np.void]:
@@ -116,10 +152,6 @@ def mirror_planes(mirrors: tuple[Mirror, ...]) -> NDArray[np.void]:
     return table
 
 
-CUBE_MAPS = ("maps", "map_texels", "sky", "sky_count", "mirror_planes")
-"""Arguments of kernels where the plan has the stage "cube_map"."""
-
-
 def shadow_count(plan: Plan) -> int:
     """Return how many lights cast shadows in the plan."""
     return int(plan.size("SHADOWS"))
@@ -127,14 +159,11 @@ def shadow_count(plan: Plan) -> int:
 
 def transform_vertices(work: Work, motion: Motion) -> float:
     """Make ``vertices``, in homogeneous pixel space at the ends of each segment; in seconds."""
-    runtime, buffers = work.runtime, work.buffers
-    size = motion.vertex_count * records.VERTEX.itemsize
-    buffers["vertices"] = runtime.allocate(size, "vertices")
+    work.allocate("Vertex", "vertices", motion.vertex_count)
     if not len(motion.jobs):
         return 0.0
-    kernel = runtime.kernel("shared/vertices.cl", "vertices", work.plan.flags("LENS"))
-    names = ("jobs", "positions", "cameras", "vertices")
-    return seconds(runtime.run(kernel, len(motion.jobs), *(buffers[name] for name in names)))
+    options = work.plan.flags("LENS")
+    return seconds(work.run("shared/vertices.cl", "vertices", options, len(motion.jobs)))
 
 
 def tile_grid(plan: Plan) -> tuple[int, int, int, int]:
@@ -148,13 +177,29 @@ def tile_grid(plan: Plan) -> tuple[int, int, int, int]:
     return left, top, columns, -(-(y + height - top) // plan.tile)
 
 
+def list_grid(
+    tiles: tuple[int, int, int, int],
+    size: int,
+    paths: int,
+    chunk: int,
+    reach: tuple[float, float, float, float],
+) -> NDArray[np.void]:
+    """Return the ``ListGrid`` of ``tiles``: first pixel, columns and rows, ``size`` pixels each."""
+    return records.pack(
+        "ListGrid",
+        **dict(zip(("x", "y", "columns", "rows"), tiles, strict=True)),
+        **dict(zip(("x_low", "x_high", "y_low", "y_high"), reach, strict=True)),
+        **{"size": size, "paths": paths, "chunk": chunk},
+    )
+
+
 class Lists:
     """Paths by tile of a grid: counted at first, and filed when they are asked for.
 
-    The kernels of ``file`` take the buffers ``given``, of ``count`` paths, and the ``Grid`` of
-    ``cl/shared/grid.h``: first pixel, columns and rows of ``tiles``, ``size`` pixels along an edge.
-    ``starts`` has where each tile's paths begin, and where all end; `records.NONE` if they are
-    2**32 or more. ``places`` is its buffer.
+    The kernels of ``file`` take what is ``given``, of ``count`` paths, and a ``ListGrid``: first
+    pixel, columns and rows of ``tiles``, ``size`` pixels along an edge. ``starts`` has where each
+    tile's paths begin, and where all end; `records.NONE` if they are 2**32 or more. ``places`` is
+    that on the device.
     """
 
     def __init__(
@@ -162,7 +207,7 @@ class Lists:
         runtime: Runtime,
         file: str,
         options: Sequence[str],
-        given: Sequence[Any],
+        given: Mapping[str, Any],
         count: int,
         tiles: tuple[int, int, int, int],
         size: int,
@@ -171,26 +216,27 @@ class Lists:
         chunk = max(1, -(-count // _BIN_CHUNKS))
         self._runtime, self._file, self._options = runtime, file, tuple(options)
         self._chunks, number = -(-count // chunk), tiles[2] * tiles[3]
-        grid = packed("iiiiiIIffff", *tiles, size, count, chunk, *reach)
-        self._counts = runtime.allocate(4 * self._chunks * number, "counts of paths by tile")
-        self._given = (*given, grid, self._counts)
-        self.places = runtime.allocate(4 * (number + 1), "starts")
+        grid = list_grid(tiles, size, count, chunk, reach)
+        self.places = runtime.allocate("uint", number + 1, "starts")
+        counts = runtime.allocate("uint", self._chunks * number, "counts of paths by tile")
+        self._given = {**given, "grid": grid, "counts": counts, "starts": self.places}
         self._events = []
         if self._chunks:
             kernel = runtime.kernel(file, "bin_count", self._options)
-            self._events.append(runtime.run(kernel, self._chunks, *self._given))
+            self._events.append(runtime.run(kernel, self._chunks, self._given))
         scan = runtime.kernel("shared/scan.cl", "bin_scan")
-        numbers = np.uint32(number), np.uint32(self._chunks)
-        self._events.append(runtime.run(scan, 1, *numbers, self._counts, self.places))
+        sizes = {"tiles": number, "chunks": self._chunks}
+        self._events.append(runtime.run(scan, 1, {**self._given, **sizes}))
         self.starts = runtime.download(self.places, (number + 1,), np.uint32)
 
-    def file(self) -> Any:
-        """Return the buffer of the paths, tile after tile."""
+    def file(self) -> DeviceArray:
+        """Return the paths on the device, tile after tile."""
         runtime = self._runtime
-        members = runtime.allocate(4 * int(self.starts[-1]), "paths by tile")
+        members = runtime.allocate("uint", int(self.starts[-1]), "paths by tile")
         if self._chunks:
             kernel = runtime.kernel(self._file, "bin_file", self._options)
-            self._events.append(runtime.run(kernel, self._chunks, *self._given, members))
+            given = {**self._given, "members": members}
+            self._events.append(runtime.run(kernel, self._chunks, given))
         return members
 
     def seconds(self) -> float:
@@ -202,17 +248,16 @@ def list_paths(
     work: Work,
     file: str,
     options: Sequence[str],
-    given: Sequence[Any],
+    order: DeviceArray,
     count: int,
     reach: tuple[float, float, float, float],
 ) -> NDArray[np.int64]:
     """Stage "bin": ``members`` of every tile, from ``starts[tile]`` to ``starts[tile + 1]``.
 
-    The kernels of ``file`` take the buffers ``given``, of ``count`` paths, and the ``Grid`` of
-    ``cl/shared/grid.h``; ``reach`` says where samples may lie relative to their pixels, x from and
-    to, y from and to. Returns how many paths each tile lists.
+    The kernels of ``file`` list ``count`` paths in ``order``; ``reach`` says where samples may lie
+    relative to their pixels, x from and to, y from and to. Returns how many paths each tile lists.
     """
-    plan = work.plan
+    plan, given = work.plan, {**work.arrays, "order": order}
     lists = Lists(work.runtime, file, options, given, count, tile_grid(plan), plan.tile, reach)
     starts = lists.starts
     if starts[-1] == records.NONE:
@@ -221,21 +266,16 @@ def list_paths(
             f"the {len(starts) - 1} tiles list 2**32 paths or more; render in crops{larger}"
         )
     check_members(work, 4 * int(starts[-1]))
-    work.buffers["starts"], work.buffers["members"] = lists.places, lists.file()
+    work.arrays["starts"], work.arrays["members"] = lists.places, lists.file()
     work.timings["bin"] = lists.seconds()
     return np.asarray(np.diff(starts.astype(np.int64)))
 
 
-def layer_bytes(plan: Plan) -> dict[str, int]:
-    """Bytes of the buffers that hold the layers asked for."""
-    pixels, asked = plan.region[2] * plan.region[3], plan.settings.aovs
-    sizes = {"sharp": 16 * pixels * ("sharp" in asked), "planes": 4 * pixels * plane_count(asked)}
-    return {name: size for name, size in sizes.items() if size}
-
-
 def film_bytes(plan: Plan) -> int:
     """Bytes of the film with its layers, on the device and again on the host."""
-    return _FILM_BYTES * plan.region[2] * plan.region[3] + sum(layer_bytes(plan).values())
+    asked = plan.settings.aovs
+    pixel = _FILM_BYTES + 16 * ("sharp" in asked) + 4 * plane_count(asked)
+    return pixel * plan.region[2] * plan.region[3]
 
 
 def memory_room(work: Work, besides: Container[str] = ()) -> int:
@@ -246,8 +286,7 @@ def memory_room(work: Work, besides: Container[str] = ()) -> int:
     room = work.runtime.device.global_mem_size // 2
     if work.plan.memory is None:
         return int(room)
-    kept = [item for name, item in work.buffers.items() if name not in besides]
-    used = sum(getattr(item, "size", 0) for item in kept)
+    used = sum(array.nbytes for name, array in work.arrays.items() if name not in besides)
     return int(min(room, work.plan.memory - used - film_bytes(work.plan)))
 
 
@@ -297,7 +336,7 @@ def add_counts(
     ``timings`` and ``stats`` have already is kept.
     """
     names = (*stages, *more)
-    counted = work.runtime.download(work.buffers["counters"], (workers, len(names)), np.uint64)
+    counted = work.runtime.download(work.arrays["counters"], (workers, len(names)), np.uint64)
     sums = dict(zip(names, counted.sum(axis=0).tolist(), strict=True))
     ticks = sum(sums[stage] for stage in stages) or 1
     for stage in work.timings.keys() & stages:
@@ -306,15 +345,17 @@ def add_counts(
         stats[name] += sums[name]
 
 
+def grid_record(plan: Plan, queued: int, capacity: int = 0, events: int = 0) -> NDArray[np.void]:
+    """Return the ``TileGrid`` of the plan's tiles, ``queued`` of which are rendered."""
+    x, y, columns, rows = tile_grid(plan)
+    place = {"x": x, "y": y, "columns": columns, "rows": rows}
+    return records.pack(
+        "TileGrid", **place, queued=queued, capacity=capacity, event_capacity=events
+    )
+
+
 def frame_record(region: Crop, background: Any) -> NDArray[np.void]:
     """Return the ``Frame`` of a part of the frame, over a colour or an image ``background``."""
     constant = background if isinstance(background, tuple) else (0.0, 0.0, 0.0)
-    return packed("iiiifff", *region, *constant)
-
-
-def packed(kinds: str, *values: Any) -> NDArray[np.void]:
-    """Pack a small argument record of 4-byte numbers: i, I or f each."""
-    types = {"i": "i4", "I": "u4", "f": "f4"}
-    record = np.zeros(1, [(f"value{i}", types[kind]) for i, kind in enumerate(kinds)])
-    record[0] = values
-    return record
+    place = dict(zip(("x", "y", "width", "height"), region, strict=True))
+    return records.pack("Frame", **place, background=constant)

@@ -11,17 +11,18 @@ import numpy as np
 
 from mbinterval.analytic import render_analytic
 from mbinterval.device import records
-from mbinterval.device.runtime import Runtime, runtime, seconds
+from mbinterval.device.runtime import DeviceArray, Runtime, runtime, seconds
 from mbinterval.errors import KernelBuildError
 from mbinterval.motion import lay_out
 from mbinterval.plan import Plan, make_plan
 from mbinterval.scene.exposure import Exposure, expose
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
+from mbinterval.work import list_grid
 
 WRAPPERS = Path(__file__).resolve().parent / "wrappers"
 
-DEFAULTS = {"TILE": 16, "SAMPLES": 1, "LAYERS": 1, "MASK_BITS": 128}
+DEFAULTS = {"TILE": 16, "LAYERS": 1, "MASK_BITS": 128}
 """What the plan defines for a scene with one sample per pixel and nothing at rest."""
 
 
@@ -41,25 +42,28 @@ def run(
 ) -> list[np.ndarray]:
     """Run ``kernel`` of wrapper ``file`` (or of a file in ``cl``); returns every array argument.
 
-    Arrays are copied to the device and back; what they hold is what an output buffer starts with.
-    Records with one element and numbers (as NumPy scalars) are passed by value. ``clock`` gets the
-    seconds that the kernel ran.
+    ``arguments`` come in the kernel's order. Arrays are copied to the device and back; what they
+    hold is what an output buffer starts with. Numbers are passed by value, and so are records that
+    the kernel takes so. ``clock`` gets the seconds that the kernel ran.
     """
     device = runtime()
     path = WRAPPERS / file if (WRAPPERS / file).exists() else file
     program = device.kernel(str(path), kernel, tuple(defines))
-    passed, arrays = [], []
-    for argument in arguments:
-        if isinstance(argument, np.ndarray) and argument.ndim:
-            buffer = filled(device, argument)
-            arrays.append((buffer, argument))
-            passed.append(buffer)
-        else:
-            passed.append(argument)
-    event = device.run(program, items, *passed)
+    passed, arrays = {}, []
+    for (name, kind), argument in zip(program.parameters, arguments, strict=True):
+        passed[name] = argument
+        if kind.endswith("*"):
+            passed[name] = filled(device, kind[:-1], argument)
+            arrays.append((passed[name], argument))
+    event = device.run(program, items, passed)
     if clock is not None:
         clock.append(seconds(event))
-    return [device.download(buffer, array.shape, array.dtype) for buffer, array in arrays]
+    return [fetched(device, there, array) for there, array in arrays]
+
+
+def numbers(**fields: Any) -> np.ndarray:
+    """``Numbers``, 0 where they are not given."""
+    return records.pack("Numbers", **(dict.fromkeys(records.NUMBERS.names, 0) | fields))
 
 
 def built(source: str, file: str, defines: Sequence[str]) -> Any:
@@ -68,7 +72,7 @@ def built(source: str, file: str, defines: Sequence[str]) -> Any:
     What comes from a cache has no log, so it comes from none.
     """
     fresh = f"-DNOT_IN_ANY_CACHE={os.getpid()}"
-    return runtime()._build(source, file, (*defines, fresh, "-cl-opt-disable"))
+    return runtime()._build(source, file, (*defines, fresh, "-cl-opt-disable")).program
 
 
 def warns(file: str, defines: Sequence[str]) -> bool:
@@ -94,14 +98,24 @@ def builds_without(
     return True
 
 
-def filled(device: Runtime, array: np.ndarray) -> Any:
-    """A read-write buffer with a copy of ``array``."""
+def filled(device: Runtime, kind: str, array: np.ndarray) -> DeviceArray:
+    """A read-write array with a copy of ``array``."""
     import pyopencl as cl
 
-    buffer = device.allocate(array.nbytes)
+    made = DeviceArray(device.allocate("uint", -(-array.nbytes // 4)).buffer, kind, array.nbytes)
     if array.nbytes:
-        cl.enqueue_copy(device.queue, buffer, np.ascontiguousarray(array))
-    return buffer
+        cl.enqueue_copy(device.queue, made.buffer, np.ascontiguousarray(array))
+    return made
+
+
+def fetched(device: Runtime, there: DeviceArray, like: np.ndarray) -> np.ndarray:
+    """What is in ``there``, as ``like``."""
+    import pyopencl as cl
+
+    found = np.empty_like(like, order="C")
+    if found.nbytes:
+        cl.enqueue_copy(device.queue, found, there.buffer)
+    return found
 
 
 def vertices_of(points: np.ndarray) -> np.ndarray:
@@ -174,11 +188,7 @@ def members_of(
     ``places`` is the least and greatest x, and then y, of samples relative to their pixels.
     """
     columns, rows = -(-size[0] // tile), -(-size[1] // tile)
-    kinds = ["i4"] * 5 + ["u4"] * 2 + ["f4"] * 4
-    grid = np.array(
-        (0, 0, columns, rows, tile, len(shapes), chunk, *places),
-        [(f"field{i}", kind) for i, kind in enumerate(kinds)],
-    )
+    grid = list_grid((0, 0, columns, rows), tile, len(shapes), chunk, places)
     tiles, chunks = columns * rows, -(-len(shapes) // chunk)
     order = np.arange(len(shapes)) if order is None else order
     given = [shapes, order.astype(np.uint32), grid]

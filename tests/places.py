@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from kernels import run
+from kernels import numbers, run
 
 import mbinterval as mb
+from mbinterval.plan import sampling_numbers
 from mbinterval.sampling import filter_of, slots_of
+from mbinterval.scene.exposure import expose
 from mbinterval.scene.model import Camera
 
 TILE = 16
@@ -20,24 +22,23 @@ def places(
     Compiled as a plan compiles it; with a ``camera`` for its lens.
     """
     n, shape = settings.samples, filter_of(settings)
-    defines = {"TILE": TILE, "SAMPLES": n, "LAYERS": n}
-    flags = ["-DPLACED", "-DEXACT"]
-    flags += ["-DSCATTERED"] if settings.pattern == "sobol" else []
-    if shape is not None and settings.pattern == "sobol":
-        defines["FILTER_TABLE"] = len(shape.table) - 1
-    if shape is not None and shape.mass != 1.0:
-        flags.append("-DWEIGHTED")
-        defines["FILTER_ZERO"], defines["FILTER_MASS"] = f"{shape.zero}f", f"{shape.mass**2}f"
-    if camera is not None:
-        flags.append("-DLENS")
-        if camera.blades:
-            defines["BLADES"] = camera.blades
-            defines["BLADE_ROTATION"] = f"{np.radians(camera.blade_rotation):.9e}f"
-    options = (*flags, *(f"-D{name}={value}" for name, value in defines.items()))
+    scattered = settings.pattern == "sobol"
+    flags = {
+        "PLACED": True,
+        "EXACT": True,
+        "SCATTERED": scattered,
+        "FILTER_TABLE": scattered and shape is not None,
+        "WEIGHTED": shape is not None and shape.mass != 1.0,
+        "LENS": camera is not None,
+        "BLADES": camera is not None and camera.blades,
+    }
+    options = [f"-DTILE={TILE}", *(f"-D{name}" for name, there in flags.items() if there)]
+    scene = mb.Scene([], camera=camera or Camera())
+    told = sampling_numbers(expose(scene, 1.0, 1.0), settings, TILE, TILE)
     table = np.zeros(1, np.float32) if shape is None else shape.table.astype(np.float32)
     count = TILE * TILE * n
     arrays = [
-        slots_of(settings), table, np.uint32(settings.seed), *np.int32(corner),
+        slots_of(settings), table, numbers(**told, samples=n, layers=n), *np.int32(corner),
         np.zeros((count, 4), np.float32), np.ones(count, np.float32),
     ]  # fmt: skip
     *_, found, weights = run("place.cl", "place_tile", arrays, options)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from kernels import run
+from kernels import numbers, run
 from reference.paths import needs_attributes
 from reference.point_samples import Drawn, nearest_paths
 
@@ -20,16 +20,15 @@ TILE = 16
 def drawn_in_tile(plan: Any, exposure: Exposure, x: int, y: int) -> Drawn:
     """All samples of the tile at pixel (x, y): each array ``(N, 16, 16)``, row by row of pixels."""
     count = sample_count(plan.settings)
-    shape, roll = filter_of(plan.settings), exposure.roll
+    shape = filter_of(plan.settings)
     table = np.zeros(1) if shape is None else shape.table
-    rolling = (roll.start, roll.step, roll.length) if roll else (0.0, 0.0, 1.0)
     arrays = [np.zeros(count * TILE * TILE, np.float32) for _ in range(6)]
     given = [slots_of(plan.settings), table.astype(np.float32), shutter_keys(exposure.shutter)]
-    numbers = [np.uint32(plan.settings.seed), np.int32(x), np.int32(y), *map(np.float32, rolling)]
+    told = [numbers(**dict(plan.numbers)), np.int32(x), np.int32(y)]
     owners = np.zeros(count * TILE * TILE, np.uint32)
     options = [o for o in plan.options if not o.startswith(("-DSLABS", "-DSLAB_GROUPS"))]
     options += [f"-DSLABS={count}", "-DSLAB_GROUPS=1"]
-    found = run("scatter.cl", "scatter_tile", [*given, *numbers, *arrays, owners], options)
+    found = run("scatter.cl", "scatter_tile", [*given, *told, *arrays, owners], options)
     xs, ys, ts, us, vs = (by_pixel(values) for values in found[3:8])
     return Drawn(xs + (x + 8.0), ys + (y + 8.0), ts, us, vs)
 

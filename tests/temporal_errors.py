@@ -73,7 +73,7 @@ def _solved(
         np.zeros(samples.size // 2, np.int32), np.zeros(samples.size // 2, np.uint32),
         np.zeros(2, np.uint32),
     ]  # fmt: skip
-    assert DEFAULTS["SAMPLES"] == 1
+    assert DEFAULTS["LAYERS"] == 1
     defines = ("-DEXACT", "-DMOVING", *(["-DSINGLE_SIDED"] if flags else []), *options())
     *_, visits, heads, _, met, (done, total) = run("solve.cl", "solve_pairs", arrays, defines)
     assert done

@@ -234,11 +234,12 @@ def test_more_intervals_move_more_bytes(meter):
 def test_the_copy_that_measures_the_device_copies_everything():
     device, rng = runtime(), np.random.default_rng(1)
     values = rng.integers(0, 2**30, 16 * 24 * device.workers, dtype=np.int32)
-    source, target = device.upload(values), device.allocate(values.nbytes)
-    device.run(
-        device.kernel("shared/copy.cl", "copy"), device.workers, source, target, np.uint64(24)
-    )
-    assert np.array_equal(device.download(target, values.shape, np.int32), values)
+    values = values.view(np.float32)
+    target = device.allocate("float", values.size)
+    given = {"from": device.upload("float", values), "to": target, "share": 24}
+    device.run(device.kernel("shared/copy.cl", "copy"), device.workers, given)
+    found = device.download(target, values.shape, np.float32)
+    assert np.array_equal(found.view(np.int32), values.view(np.int32))
 
 
 def test_the_copy_bandwidth_is_plausible():

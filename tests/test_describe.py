@@ -133,7 +133,8 @@ def test_device_and_crop_are_those_of_the_render(monkeypatch):
 
 GROUPS = {
     "geometry": (
-        *("positions", "jobs", "cameras", "paths", "meshes", "color", "uv", "normal"),
+        *("positions", "jobs", "cameras", "paths", "meshes"),
+        *("vertex_colors", "uvs", "normals"),
         *("vertices", "shapes", "depths", "order"),
     ),
     "textures": ("texels",),
@@ -156,13 +157,14 @@ def test_the_memory_that_is_told_is_the_memory_that_is_taken(way, tall, monkeypa
     taken: dict[str, int] = {}
     upload, allocate = Runtime.upload, Runtime.allocate
 
-    def counting_upload(self, array, what=""):
+    def counting_upload(self, kind, array, what=""):
         taken[what] = taken.get(what, 0) + array.nbytes
-        return upload(self, array, what)
+        return upload(self, kind, array, what)
 
-    def counting_allocate(self, nbytes, what=""):
-        taken[what] = taken.get(what, 0) + nbytes
-        return allocate(self, nbytes, what)
+    def counting_allocate(self, *given):
+        made = allocate(self, *given)
+        taken[given[2]] = taken.get(given[2], 0) + made.nbytes
+        return made
 
     ends = world(np.stack([rectangle(3, 9, -1, 17)] * 2), 2.0, SIZE)
     more = mb.Mesh(ends[0], [[0, 1, 2]], color=np.eye(4, 3), color_domain="vertex", material=PHONG)

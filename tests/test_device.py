@@ -212,13 +212,13 @@ def test_render_takes_a_device_by_name_and_by_object():
 def test_uploaded_arrays_come_back_and_empty_ones_are_allowed():
     device: Runtime = runtime()
     values = np.arange(1000, dtype=np.float32)
-    assert np.array_equal(device.download(device.upload(values), (1000,), np.float32), values)
-    strided = np.arange(2000, dtype=np.float32)[::2]
-    assert np.array_equal(device.download(device.upload(strided), (1000,), np.float32), strided)
-    device.upload(np.zeros(0))
-    buffer = device.allocate(64)
-    device.fill(buffer, 64, 7)
-    assert device.download(buffer, (16,), np.int32).tolist() == [7] * 16
+    for given in (values, np.arange(2000, dtype=np.float32)[::2]):
+        there = device.upload("float", given)
+        assert np.array_equal(device.download(there, (1000,), np.float32), given)
+    device.upload("double", np.zeros(0))
+    filled = device.allocate("int", 16)
+    device.fill(filled, 7)
+    assert device.download(filled, (16,), np.int32).tolist() == [7] * 16
 
 
 @pytest.mark.parametrize("method", ["analytic", "stochastic", "accumulation"])

@@ -180,7 +180,7 @@ def test_tiles_that_keep_each_other_from_a_pool_that_cannot_grow_are_rendered_al
     def starved(self, of):  # as if no tile that is rendered with others had found room
         if at_once[-1] > 1:
             work = self._work
-            work.runtime.fill(work.buffers["failed"], work.buffers["failed"].size, EVENTS_FULL)
+            work.runtime.fill(work.arrays["failed"], EVENTS_FULL)
         return drain(self, of)
 
     monkeypatch.setattr(tiles, "_allocate_pools", noting)
@@ -215,8 +215,9 @@ def test_what_is_not_asked_for_leaves_no_code_no_buffer_and_no_stage():
     assert asked.stages == (*none.stages[:-1], "record", "resolve")
     effect = {e.name: e for e in plan(mesh(), aovs="deep,uv").effects}["visible spans kept"]
     assert (effect.active, effect.reason) == (True, "deep")
-    sizes = plan(mesh(), aovs="events", event_steps=7).options
-    assert "-DEVENT_STEPS=7" in sizes
+    events = plan(mesh(), aovs="events", event_steps=7)
+    assert "-DEVENT_STEPS" in events.options
+    assert dict(events.numbers)["event_steps"] == 7
     assert set(asked.options) - set(none.options) == {"-DRECORDED"}
 
 

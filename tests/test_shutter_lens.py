@@ -179,8 +179,9 @@ def test_nothing_of_it_is_compiled_where_it_is_not_asked_for():
         options = " ".join(plan_of(scene, mb.Settings(), *SIZE)[2].options)
         for macro in ("LENS", "BLADES", "ROLLING", "SHUTTER", "PLACED", "SCATTERED", "FILTER"):
             assert macro not in options
-    options = " ".join(plan_of(panned(CURVES["table"]), mb.Settings(), *SIZE)[2].options)
-    assert "SHUTTER_CURVE=5" in options
+    curved = plan_of(panned(CURVES["table"]), mb.Settings(), *SIZE)[2]
+    assert "-DSHUTTER_CURVE" in curved.options
+    assert dict(curved.numbers)["shutter_keys"] == 5
 
 
 LENS = Camera(focal_length=48.0, vertical_aperture=48.0, f_stop=0.25, focus_distance=2.2)

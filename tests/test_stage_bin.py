@@ -105,7 +105,7 @@ def walked(
         shapes, np.uint32(len(shapes)), slots, *np.int32([columns, rows]),
         *np.int32(size), np.zeros(shape, np.int32), np.full(shape, -1, np.int32),
     ]  # fmt: skip
-    defines = options(TILE=tile, LAYERS=layers, SAMPLES=layers)
+    defines = options(TILE=tile, LAYERS=layers)
     *_, first, last = run("walk.cl", "walk", arrays, defines)
     column = np.arange(tile)
     inside = (first[..., None] <= column) & (column <= last[..., None])

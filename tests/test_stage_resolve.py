@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernels import options, run
+from kernels import numbers, options, run
 
 TILE, SAMPLES = 8, 4
 FILM = (19, 11, 6, 9)
@@ -32,10 +32,10 @@ def resolved(*effects: str, background: np.ndarray) -> tuple[dict[str, np.ndarra
     ]  # fmt: skip
     bounds = [16, 8, X.start, X.stop, Y.start, Y.stop]
     arrays = [
-        *np.int32(bounds), *sums.values(), np.array(FILM, np.int32),
+        numbers(samples=SAMPLES), *np.int32(bounds), *sums.values(), np.array(FILM, np.int32),
         background.astype(np.float32), *outputs,
     ]  # fmt: skip
-    found = run("resolve.cl", "resolve_tile", arrays, options(*effects, TILE=TILE, SAMPLES=SAMPLES))
+    found = run("resolve.cl", "resolve_tile", arrays, options(*effects, TILE=TILE))
     return sums, found[-3:]
 
 

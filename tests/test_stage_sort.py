@@ -16,7 +16,7 @@ Segments = np.ndarray
 
 
 def sort(
-    samples: list[Segments], *effects: str, capacity: int = 1 << 16, **sizes: object
+    samples: list[Segments], *effects: str, capacity: int = 1 << 16, most: int = 0
 ) -> tuple[list[np.ndarray], bool]:
     """Sorted ``Interval`` records of every sample; ``first >> 4`` is the place in its list."""
     runs = np.zeros(TILE * TILE, records.RUN)
@@ -35,11 +35,12 @@ def sort(
     pool = np.zeros(capacity, records.INTERVAL)
     pool[:start] = np.concatenate(parts) if parts else pool[:0]
     arrays = [
-        pool, runs, np.uint32(capacity), np.zeros(SORT_ARRAYS * (capacity + LANES), np.float32),
+        pool, runs, np.uint32(capacity), np.int32(most),
+        np.zeros(SORT_ARRAYS * (capacity + LANES), np.float32),
         np.zeros(capacity, records.INTERVAL), np.zeros(2, np.uint32),
     ]  # fmt: skip
     _, runs, _, sorted_, (done, _) = run(
-        "sort.cl", "sort_tile", arrays, options(*effects, TILE=TILE, **sizes)
+        "sort.cl", "sort_tile", arrays, options(*effects, TILE=TILE)
     )
     found = [sorted_[start : start + count] for start, count in runs[: len(samples)]]
     return found, bool(done)
@@ -215,7 +216,7 @@ def test_hundreds_that_cross_each_other_are_sorted():
 def test_a_limit_keeps_those_of_least_minimum_depth():
     rng = np.random.default_rng(6)
     samples = [random_segments(rng, count, slope=0.0) for count in (5, 50, 12)]
-    found, _ = sort(samples, MAX_INTERVALS=10)
+    found, _ = sort(samples, "MAX_INTERVALS", most=10)
     for pieces, segments in zip(found, samples, strict=True):
         least = np.sort(segments[:, 2:].min(axis=1))[:10]
         assert np.sort(pieces["w0"]) == pytest.approx(least)

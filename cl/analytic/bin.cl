@@ -2,7 +2,6 @@
 //
 // Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in the order
 // given, in any run and on any number of threads.
-#include "shared/grid.h"
 #include "shared/records.h"
 
 #pragma OPENCL FP_CONTRACT OFF
@@ -11,7 +10,7 @@
 static inline float rounding_at(float x, float y) { return 4e-7f * (x + y); }
 
 // Columns of tiles in one row of tiles that the shape may touch.
-static int2 touched_columns(global const Shape *shape, Grid grid, int row)
+static int2 touched_columns(global const Shape *shape, ListGrid grid, int row)
 {
     double top = grid.y + row * grid.size + grid.y_low;
     double bottom = grid.y + (row + 1) * grid.size - 1 + grid.y_high;
@@ -33,7 +32,7 @@ static int2 touched_columns(global const Shape *shape, Grid grid, int row)
 }
 
 // Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
-static void bin_chunk(global const Shape *shapes, global const uint *order, Grid grid, uint chunk,
+static void bin_chunk(global const Shape *shapes, global const uint *order, ListGrid grid, uint chunk,
                       global uint *place, global uint *entries)
 {
     uint begin = chunk * grid.chunk, end = min(begin + grid.chunk, grid.paths);
@@ -56,7 +55,7 @@ static void bin_chunk(global const Shape *shapes, global const uint *order, Grid
     }
 }
 
-kernel void bin_count(global const Shape *shapes, global const uint *order, Grid grid,
+kernel void bin_count(global const Shape *shapes, global const uint *order, ListGrid grid,
                       global uint *counts)
 {
     uint tiles = grid.columns * grid.rows;
@@ -65,10 +64,10 @@ kernel void bin_count(global const Shape *shapes, global const uint *order, Grid
     bin_chunk(shapes, order, grid, get_global_id(0), place, 0);
 }
 
-kernel void bin_file(global const Shape *shapes, global const uint *order, Grid grid,
-                     global uint *places, global uint *entries)
+kernel void bin_file(global const Shape *shapes, global const uint *order, ListGrid grid,
+                     global uint *counts, global uint *members)
 {
     uint tiles = grid.columns * grid.rows;
-    global uint *place = places + (size_t)get_global_id(0) * tiles;
-    bin_chunk(shapes, order, grid, get_global_id(0), place, entries);
+    global uint *place = counts + (size_t)get_global_id(0) * tiles;
+    bin_chunk(shapes, order, grid, get_global_id(0), place, members);
 }

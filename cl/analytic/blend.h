@@ -117,7 +117,7 @@ static bool layer_colors(const Tile *tile, int sample, Span span, Place place, f
     const float *base = s.path.color;
     float4 flat = (float4)(base[0], base[1], base[2], s.path.alpha);
 #ifdef STILL
-    if (span.source < tile->static_paths) flat = tile->still[sample];
+    if (span.source < tile->scene.numbers.static_paths) flat = tile->still[sample];
     else
 #endif
     if (varies_on_surface(&s)) {
@@ -173,7 +173,7 @@ static bool blend_places(const Tile *tile, int sample, global const Span *spans,
     }
 #endif
     sum->color = weighted_sum(&all, light);
-    return is_smooth(&all, places);
+    return is_smooth(tile, &all, places);
 }
 
 // Blend all layers at the same times.
@@ -181,7 +181,7 @@ static Blended blend_over_time(const Tile *tile, int sample, global const Span *
                                float2 times, Place place, float2 window)
 {
     Span stretch = {times.x, times.y, 0.0f, 0u};
-    Instants places = first_places(stretch);
+    Instants places = first_places(tile, stretch);
     Blended sum = {0.0f, 0.0f};
     float total = 0.0f;
     for (bool more = true; more;) {

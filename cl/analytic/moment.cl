@@ -4,7 +4,7 @@
 // Most patterns have no sample at the centre, and a sample more would be solved over the whole
 // shutter for one moment of it. So the triangles of all motion paths are frozen at the moment, and
 // the z-buffer of what does not move ("nearest") takes them too. It comes last: that is free then.
-#include "analytic/film.h"
+#include "shared/film.h"
 #include "analytic/shutter.h"
 #include "analytic/surface_color.h"
 
@@ -25,7 +25,7 @@ static inline Place centre_of(const Tile *tile, int x, int y)
 
 static inline float moment_at(const Tile *tile, int x, int y)
 {
-    return moment_in(line_window(&tile->scene, tile->x + x, tile->y + y));
+    return moment_in(tile, line_window(&tile->scene, tile->x + x, tile->y + y));
 }
 
 // Time within the path's motion segment; 0 where nothing moves.

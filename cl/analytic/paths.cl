@@ -230,7 +230,7 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
 
 #define PATHS_PER_ITEM 256
 
-kernel void paths(global const Vertex *vertices, global const Path *paths_in, uint count,
+kernel void paths(global const Vertex *vertices, global const Path *paths, uint count,
                   global const Mesh *meshes, global const Material *materials,
 #ifdef GLOSSY
                   global const Camera *cameras,
@@ -239,7 +239,7 @@ kernel void paths(global const Vertex *vertices, global const Path *paths_in, ui
 {
     uint first = get_global_id(0) * PATHS_PER_ITEM;
     for (uint i = first; i < min(first + PATHS_PER_ITEM, count); i++) {
-        Path path = paths_in[i];
+        Path path = paths[i];
         uint flags = materials[meshes[path.mesh].material].flags;
         Shape shape = {.flags = 0u};
         Depth depth;

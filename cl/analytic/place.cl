@@ -27,59 +27,61 @@ static uint scramble_bits(uint x, int count, uint seed, bool back)
     return result | (mix_bits(seed ^ mix_bits(x >> (32 - max(count, 1)))) & low);
 }
 
-#define INDEX_BITS (32 - (int)clz((uint)SAMPLES - 1u))
+// Bits of the largest index of a sample.
+static inline int index_bits(const Tile *tile)
+{
+    return 32 - (int)clz((uint)tile->scene.numbers.samples - 1u);
+}
 
 // A number in [0, 1) of the sequence whose points have these bits, scrambled.
-static inline float scrambled(uint bits, uint seed)
+static inline float scrambled(const Tile *tile, uint bits, uint seed)
 {
-    return (scramble_bits(bits, INDEX_BITS, seed, false) >> 8) * 0x1p-24f;
+    return (scramble_bits(bits, index_bits(tile), seed, false) >> 8) * 0x1p-24f;
 }
 
 // Index in the sequence of the sample in row l; of 2^k rows the order is scrambled too.
-static uint index_of_row(uint l, uint seed)
+static uint index_of_row(const Tile *tile, uint l, uint seed)
 {
-#if SAMPLES > 1 && (SAMPLES & (SAMPLES - 1)) == 0
-    const int unused = 32 - INDEX_BITS;
-    return scramble_bits(l << unused, INDEX_BITS, seed, true) >> unused;
-#else
-    return l;
-#endif
+    const uint samples = tile->scene.numbers.samples;
+    if (samples == 1u || (samples & (samples - 1u)) != 0u) return l;
+    const int bits = index_bits(tile);
+    return scramble_bits(l << (32 - bits), bits, seed, true) >> (32 - bits);
 }
 
 // Place of sample l in the unit square of a pixel with this seed.
-static float2 net_point(uint l, uint seed)
+static float2 net_point(const Tile *tile, uint l, uint seed)
 {
-    float across = scrambled(sobol(index_of_row(l, seed), 1), seed + 0x9e3779b9u);
+    float across = scrambled(tile, sobol(index_of_row(tile, l, seed), 1), seed + 0x9e3779b9u);
     float within = (mix_bits(seed ^ mix_bits(l + 0x85ebca6bu)) >> 8) * 0x1p-24f;
-    return (float2)(across, (l + within) * (1.0f / SAMPLES));
+    return (float2)(across, (l + within) * (1.0f / tile->scene.numbers.samples));
 }
 
 #if defined(LENS) || defined(GLOSSY)
 // Point `index` of the sequence in the unit square of the two dimensions after those of the pixel.
-static float2 square_point(uint index, uint seed)
+static float2 square_point(const Tile *tile, uint index, uint seed)
 {
-    return (float2)(scrambled(sobol(index, 2), seed ^ 0x02e5be93u),
-        scrambled(sobol(index, 3), seed ^ 0x68bc21ebu));
+    return (float2)(scrambled(tile, sobol(index, 2), seed ^ 0x02e5be93u),
+        scrambled(tile, sobol(index, 3), seed ^ 0x68bc21ebu));
 }
 #endif
 
 #ifdef GLOSSY
-static float2 shear_point(uint l, uint seed)
+static float2 shear_point(const Tile *tile, uint l, uint seed)
 {
 #ifdef LENS
     seed = mix_bits(seed + 0x7f4a7c15u);
 #endif
-    return square_to_disc(square_point(index_of_row(l, seed), seed));
+    return square_to_disc(square_point(tile, index_of_row(tile, l, seed), seed));
 }
 #endif
 
 #ifdef LENS
 
-static float2 lens_point(uint l, uint seed)
+static float2 lens_point(const Tile *tile, uint l, uint seed)
 {
-    float2 square = square_point(index_of_row(l, seed), seed);
+    float2 square = square_point(tile, index_of_row(tile, l, seed), seed);
 #ifdef BLADES
-    return square_to_polygon(square);
+    return square_to_polygon(square, &tile->scene.numbers);
 #else
     return square_to_disc(square);
 #endif
@@ -92,8 +94,9 @@ static float2 lens_point(uint l, uint seed)
 static inline float warp_to_filter(const Tile *tile, float u)
 {
 #ifdef FILTER_TABLE
-    float scaled = u * FILTER_TABLE;
-    int i = min((int)scaled, FILTER_TABLE - 1);
+    const int places = tile->scene.numbers.filter_places;
+    float scaled = u * places;
+    int i = min((int)scaled, places - 1);
     return mix(tile->scene.filter[i], tile->scene.filter[i + 1], scaled - i);
 #else
     return u;
@@ -104,7 +107,7 @@ static inline float warp_to_filter(const Tile *tile, float u)
 static inline float2 place_in_pixel(const Tile *tile, uint l, uint seed)
 {
 #ifdef SCATTERED
-    float2 at = net_point(l, seed);
+    float2 at = net_point(tile, l, seed);
     return (float2)(warp_to_filter(tile, at.x), warp_to_filter(tile, at.y));
 #else
     Slot slot = tile->scene.slots[l];
@@ -115,38 +118,39 @@ static inline float2 place_in_pixel(const Tile *tile, uint l, uint seed)
 #ifdef WEIGHTED
 // A filter with negative lobes is sampled by its absolute value; where it is negative samples weigh
 // less than nothing.
-static inline float filter_sign(float2 at)
+static inline float filter_sign(const Tile *tile, float2 at)
 {
-    float x = fabs(at.x - 0.5f), y = fabs(at.y - 0.5f);
-    return FILTER_MASS * ((x > FILTER_ZERO) == (y > FILTER_ZERO) ? 1.0f : -1.0f);
+    float x = fabs(at.x - 0.5f), y = fabs(at.y - 0.5f), zero = tile->scene.numbers.filter_zero;
+    return tile->scene.numbers.filter_mass * ((x > zero) == (y > zero) ? 1.0f : -1.0f);
 }
 #endif
 
-// Places, and weights that add up to SAMPLES in every pixel, of all samples of the current layers.
+// Places, and weights that add up to their number in every pixel, of all samples of the current layers.
 static void place(Tile *tile, int rows)
 {
     for (int pixel = 0; pixel < TILE * TILE; pixel++) {
         int x = tile->x + pixel % TILE, y = tile->y + pixel / TILE;
-        uint seed = mix_bits((uint)x ^ mix_bits((uint)y ^ mix_bits(tile->scene.seed)));
+        uint seed = mix_bits((uint)x ^ mix_bits((uint)y ^ mix_bits(tile->scene.numbers.seed)));
 #ifdef WEIGHTED
+        const uint samples = tile->scene.numbers.samples;
         float lacking = 1.0f;
-        for (uint l = 0; l < SAMPLES; l++)
-            lacking -= filter_sign(place_in_pixel(tile, l, seed)) * (1.0f / SAMPLES);
+        for (uint l = 0; l < samples; l++)
+            lacking -= filter_sign(tile, place_in_pixel(tile, l, seed)) * (1.0f / samples);
 #endif
         for (int sample = pixel; sample < rows * TILE; sample += TILE * TILE) {
             uint l = (uint)(tile->layer + sample / (TILE * TILE));
             float2 at = place_in_pixel(tile, l, seed);
             Place p = {(float)x + at.x, (float)y + at.y, 0.0f, 0.0f};
 #ifdef LENS
-            float2 lens = lens_point(l, seed);
+            float2 lens = lens_point(tile, l, seed);
             p.u = lens.x, p.v = lens.y;
 #endif
 #ifdef GLOSSY
-            float2 shear = shear_point(l, seed);
+            float2 shear = shear_point(tile, l, seed);
             p.a = shear.x, p.b = shear.y;
 #endif
 #ifdef WEIGHTED
-            tile->weights[sample] = filter_sign(at) + lacking;
+            tile->weights[sample] = filter_sign(tile, at) + lacking;
 #endif
             tile->places[sample] = p;
         }

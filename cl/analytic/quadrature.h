@@ -1,11 +1,11 @@
 // Averages over a span of time: at how many places it is evaluated, and where.
 //
-// With TEXTURE_SAMPLES at the middles of so many equal parts (Hong & Oh 2017, 3.2), sixteen at a
+// With `shading_times` at the middles of so many equal parts (Hong & Oh 2017, 3.2), sixteen at a
 // time. Else at as many as it takes: at the middles of fifteen parts first. The error of that
 // rule is 1/24 of the mean second difference of the colours there where they are smooth in time,
 // and no more than 1/8 of its size where they have a corner. Where the latter is above
-// SHADING_ERROR the stretch is halved, and each half treated alike, up to 960 parts in all. So
-// colour is off by no more than SHADING_ERROR times what the span weighs, as far as a rule can
+// `shading_error` the stretch is halved, and each half treated alike, up to 960 parts in all. So
+// colour is off by no more than `shading_error` times what the span weighs, as far as a rule can
 // tell that sees points only; shade.cl says of textures and highlights when the points are too
 // far apart to tell.
 #ifndef MB_QUADRATURE_H
@@ -27,7 +27,7 @@ typedef struct {
 #endif
 
 // The first places of a span: one where it has no length.
-static inline Instants first_places(Span span)
+static inline Instants first_places(const Tile *tile, Span span)
 {
 #ifdef AOV_SHARP
     if (span.t0 == span.t1) return (Instants){0, 1, 1};
@@ -35,7 +35,8 @@ static inline Instants first_places(Span span)
 #ifdef SHADING_ERROR
     return (Instants){0, PLACES, PLACES};
 #else
-    return (Instants){0, min(LANES, TEXTURE_SAMPLES), TEXTURE_SAMPLES};
+    int times = tile->scene.numbers.shading_times;
+    return (Instants){0, min(LANES, times), times};
 #endif
 }
 
@@ -88,7 +89,7 @@ static inline void refine(Instants *p) { p->first *= 2, p->n *= 2; }
 static INLINED Lanes bends(Lanes a) { return fabs(lanes_steps(lanes_steps(a))); }
 
 // Whether colours at the places tell their mean well enough.
-static inline bool is_smooth(const Colors *c, Instants p)
+static inline bool is_smooth(const Tile *tile, const Colors *c, Instants p)
 {
     if (!can_refine(p)) return true;
     Lanes most = lanes_max(lanes_max(bends(c->x), bends(c->y)), bends(c->z));
@@ -96,13 +97,13 @@ static inline bool is_smooth(const Colors *c, Instants p)
     most = lanes_max(most, bends(c->alpha));
 #endif
     most = LANE_INDEX < PLACES - 2.0f ? most : (Lanes)(0.0f);
-    return lanes_sum(most) <= 8.0f * SHADING_ERROR * (PLACES - 2.0f);
+    return lanes_sum(most) <= 8.0f * tile->scene.numbers.shading_error * (PLACES - 2.0f);
 }
 
 #else
 
 static inline void refine(Instants *p) {}
-static inline bool is_smooth(const Colors *c, Instants p) { return true; }
+static inline bool is_smooth(const Tile *tile, const Colors *c, Instants p) { return true; }
 
 #endif
 

@@ -128,7 +128,7 @@ static bool rasterize(Tile *tile)
         Surface surface;
         load_surface(tile->scene.vertices, tile->scene.paths[path_index],
                      tile->shapes + path_index, &surface);
-        for (int row = 0; row < ROWS; row += min(LANES, TILE))
+        for (int row = 0; row < tile->rows; row += min(LANES, TILE))
             if (row + LANES > tile->row_low && row < tile->row_high
                 && !rasterize_rows(tile, &surface, path_index, row))
                 return false;

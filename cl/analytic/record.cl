@@ -4,9 +4,9 @@
 // All work-items share one pool. A sample's events lie together in it, in order of time and, of the
 // layers of a stack, front to back; where in the pool depends on how the work went, and only the
 // host's sorting makes it the same each time. Where colour changes along a span, and it passes from
-// one of the EVENT_STEPS parts of its line's exposure to the next, an event for each part of it,
+// one of the `event_steps` parts of its line's exposure to the next, an event for each part of it,
 // with an average of its own, follows that of the whole.
-#include "analytic/film.h"
+#include "shared/film.h"
 #include "analytic/shutter.h"
 
 // Time `t` of the shutter in the exposure of a line that is open in `window`.
@@ -27,7 +27,7 @@ static bool changes_in_time(const Tile *tile, global const Span *spans, uint siz
     for (uint i = 0; i < size && !found; i++) {
         uint path = span_path(tile, spans[i]);
 #ifdef STILL
-        if (path < tile->static_paths) continue;
+        if (path < tile->scene.numbers.static_paths) continue;
 #endif
         Shaded s = load_shaded(&tile->scene, path);
         found = varies_on_surface(&s);
@@ -37,14 +37,15 @@ static bool changes_in_time(const Tile *tile, global const Span *spans, uint siz
 }
 
 // End of the part of a stack that begins at t.
-static float part_end(float2 window, bool changes, float t, float end)
+static float part_end(const Tile *tile, float2 window, bool changes, float t, float end)
 {
 #if defined(EVENT_STEPS) && defined(VARYING)
     if (!changes) return end;
+    const int steps = tile->scene.numbers.event_steps;
     float length = window.y - window.x;
-    int step = (int)((t - window.x) / length * EVENT_STEPS);
+    int step = (int)((t - window.x) / length * steps);
     float next = t;
-    while (next <= t) next = window.x + length * ((float)++step / EVENT_STEPS);
+    while (next <= t) next = window.x + length * ((float)++step / steps);
     return fmin(next, end);
 #else
     return end;
@@ -62,11 +63,11 @@ static inline uint layers_at_once(global const Span *spans, uint count)
 }
 
 // Parts of a stack.
-static uint count_parts(float2 window, bool changes, float t, float end)
+static uint count_parts(const Tile *tile, float2 window, bool changes, float t, float end)
 {
     uint parts = 0;
     do {
-        t = part_end(window, changes, t, end);
+        t = part_end(tile, window, changes, t, end);
         parts++;
     } while (t < end); // a mask's spans may have no length
     return parts;
@@ -79,7 +80,7 @@ static uint count_events(const Tile *tile, float2 window, global const Span *spa
     for (uint i = 0, size; i < count; i += size) {
         size = layers_at_once(spans + i, count - i);
         bool changes = changes_in_time(tile, spans + i, size);
-        uint parts = count_parts(window, changes, spans[i].t0, spans[i].t1);
+        uint parts = count_parts(tile, window, changes, spans[i].t0, spans[i].t1);
         events += parts > 1 ? size * (parts + 1) : size;
     }
     return events;
@@ -170,11 +171,11 @@ static void record_spans(Tile *tile, int sample, Event event)
         bool changes = changes_in_time(tile, spans + i, size);
         Event part = event, whole = event;
         float t = spans[i].t0, end = spans[i].t1;
-        bool cut = count_parts(window, changes, t, end) > 1;
+        bool cut = count_parts(tile, window, changes, t, end) > 1;
         whole.sample |= cut ? EVENT_WHOLE : 0u, part.sample |= EVENT_PART;
         write_stack(tile, sample, whole, spans + i, size, (float2)(t, end), out);
         for (out += size; cut && t < end; out += size) {
-            float next = part_end(window, changes, t, end);
+            float next = part_end(tile, window, changes, t, end);
             write_stack(tile, sample, part, spans + i, size, (float2)(t, next), out);
             t = next;
         }
@@ -214,7 +215,7 @@ static bool record(Tile *tile, Frame frame)
             int sample = row * TILE + column;
             Event event = {.pixel = (uint)y * (uint)frame.width + (tile->x + column - frame.x),
                            .sample = (uint)(tile->layer + row / TILE),
-                           .share = weight_of(tile, sample) * (1.0f / SAMPLES)};
+                           .share = weight_of(tile, sample) * (1.0f / tile->scene.numbers.samples)};
             record_spans(tile, sample, event);
         }
     }

@@ -1,12 +1,12 @@
 // Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and counts.
-#include "analytic/film.h"
+#include "shared/film.h"
 #include "analytic/tile.h"
 
 // Mean colour and alpha over the background of the film's pixel `place`.
-static inline float4 resolved(float4 sum, size_t place, Frame frame,
+static inline float4 resolved(const Tile *tile, float4 sum, size_t place, Frame frame,
                               global const float *background)
 {
-    sum *= 1.0f / SAMPLES;
+    sum *= 1.0f / tile->scene.numbers.samples;
 #ifndef WEIGHTED
     sum.w = fmin(sum.w, 1.0f); // thousands of spans add up to 1, but for rounding
 #endif
@@ -26,10 +26,10 @@ static void resolve(const Tile *tile, Frame frame, global const float *backgroun
             size_t out = (size_t)(tile->y + y - frame.y) * frame.width + (tile->x + x - frame.x);
             float4 sum = tile->color[pixel];
             depth[out] = sum.w > 0.0f ? tile->depth[pixel] / sum.w : INFINITY;
-            rgba[out] = resolved(sum, out, frame, background);
+            rgba[out] = resolved(tile, sum, out, frame, background);
             met[out] = tile->count[pixel];
 #ifdef AOV_SHARP
-            aovs.sharp[out] = resolved(tile->sharp[pixel], out, frame, background);
+            aovs.sharp[out] = resolved(tile, tile->sharp[pixel], out, frame, background);
 #endif
 #ifdef AOV_OPERATIONS
             aovs.planes[PLANE_OPERATIONS * aovs.size + out] = tile->operations[pixel];

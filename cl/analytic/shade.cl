@@ -63,11 +63,12 @@ static void load_span_footprint(const Tile *tile, const Shaded *s, const Varying
 
 #ifdef SHADING_ERROR
 // Size of the texels that are looked up, in those of the texture.
-static inline float finest_texel(Texture texture, const Attributes *a)
+static inline float finest_texel(const Tile *tile, Texture texture, const Attributes *a)
 {
 #ifdef ANISOTROPY
     return shorter_side(texture, (float2)(a->footprint.u_right.s0, a->footprint.v_right.s0),
-                        (float2)(a->footprint.u_down.s0, a->footprint.v_down.s0));
+                        (float2)(a->footprint.u_down.s0, a->footprint.v_down.s0),
+                        tile->scene.numbers.anisotropy);
 #else
     return 1.0f;
 #endif
@@ -106,7 +107,7 @@ static INLINED bool close_enough(const Tile *tile, const Shaded *s, const Attrib
         Lanes across = fabs(lanes_steps(a->u)) * texture.width;
         Lanes down = fabs(lanes_steps(a->v)) * texture.height;
         float texels = lanes_greatest(lanes_max(across, down));
-        close = texels <= SPACING * finest_texel(texture, a);
+        close = texels <= SPACING * finest_texel(tile, texture, a);
         if (!can_refine(places) && !(s->material.flags & MATERIAL_MASK))
             *level = fmax(*level, log2(fmax(texels, 1.0f)));
     }
@@ -171,7 +172,7 @@ static INLINED float4 weighted_sum(const Colors *colors, Lanes light)
 static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 {
     Varying v = prepare_varying(tile, s, span);
-    Instants places = first_places(span);
+    Instants places = first_places(tile, span);
 #ifdef SHADOWS
     if (s->path.step == 0 && s->mesh.map == 0u) places = (Instants){0, 1, 1}; // but for its light
 #endif
@@ -180,7 +181,7 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
     float total = 0.0f;
     for (bool more = true; more;) {
         Colors here;
-        if (!colors_along(tile, s, &v, span, level, places, &here) || !is_smooth(&here, places)) {
+        if (!colors_along(tile, s, &v, span, level, places, &here) || !is_smooth(tile, &here, places)) {
             refine(&places);
             continue;
         }
@@ -198,7 +199,7 @@ static float3 span_color(const Tile *tile, int sample, Span span, Place place, f
     uint path = span_path(tile, span);
 #ifdef VARYING
 #ifdef STILL
-    if (path < tile->static_paths) return tile->still[sample].xyz;
+    if (path < tile->scene.numbers.static_paths) return tile->still[sample].xyz;
 #endif
     Shaded s = load_shaded(&tile->scene, path);
     if (varies_on_surface(&s)) {
@@ -266,7 +267,7 @@ static void add_moment(Tile *tile, int sample, int pixel, global const Span *spa
 {
     Place place = place_of(tile, sample);
     float2 window = window_of(tile, sample);
-    float t = moment_in(window);
+    float t = moment_in(tile, window);
     for (uint i = 0; i < count; i++) {
         Span span = spans[i];
         if (!(span.t0 <= t && t < span.t1)) continue;
@@ -298,7 +299,7 @@ static void add_open(Tile *tile, int sample, int pixel)
     float4 light = sky_behind(tile, sample, 0, 0u);
     tile->color[pixel] += weight_of(tile, sample) * light;
 #ifdef AOV_SHARP
-    light = sky_through(tile, sample, (float2)(moment_in(window_of(tile, sample))), 1.0f);
+    light = sky_through(tile, sample, (float2)(moment_in(tile, window_of(tile, sample))), 1.0f);
     tile->sharp[pixel] += weight_of(tile, sample) * light;
 #endif
 #endif

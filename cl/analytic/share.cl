@@ -2,10 +2,10 @@
 //
 // By Taylor's theorem a pixel's average is its centre's value and 1/24 of the Laplacian there, but
 // for fourth derivatives; the discrete Laplacian lets each sample count in four more pixels.
-#include "analytic/film.h"
+#include "shared/film.h"
 
 kernel void share(global const float4 *centres, Frame given, Frame film,
-                  global const float *background, global float4 *rgba)
+                  global const float *background, global float4 *shared)
 {
     int y = (int)get_global_id(0), row = film.y + y - given.y;
     global const float4 *here = centres + (size_t)row * given.width;
@@ -18,6 +18,6 @@ kernel void share(global const float4 *centres, Frame given, Frame film,
         float4 around = (above[column] + below[column]) + beside;
         float4 average = centre + (around - 4.0f * centre) * (1.0f / 24.0f);
         size_t from = (size_t)row * given.width + column, to = (size_t)y * film.width + x;
-        rgba[to] = over_background(average, from, film, background);
+        shared[to] = over_background(average, from, film, background);
     }
 }

@@ -11,12 +11,12 @@ static inline float2 window_of(const Tile *tile, int sample)
     return line_window(&tile->scene, tile->x + sample % TILE, tile->y + sample / TILE % TILE);
 }
 
-#ifdef AOV_TIME
+#if defined(MOMENTARY) || defined(AOV_SHARP)
 // The moment of the sharp frame, for a line that is exposed in `window`; never its very end, at
 // which nothing is seen any more.
-static inline float moment_in(float2 window)
+static inline float moment_in(const Tile *tile, float2 window)
 {
-    float t = window.x + AOV_TIME * (window.y - window.x);
+    float t = window.x + tile->scene.numbers.moment * (window.y - window.x);
     return fmin(t, window.y * (1.0f - FLT_EPSILON / 2));
 }
 #endif

@@ -4,7 +4,7 @@
 // It is looked up in the middles of equal parts of the time, at first no further apart than texels
 // are, each weighed with the light that no span takes from it. The error is 1/24 of the mean
 // second difference where light changes smoothly, and no more than 1/8 of its size where it has a
-// corner, as quadrature.h has it; where the latter is above SHADING_ERROR there are twice as many
+// corner, as quadrature.h has it; where the latter is above `shading_error` there are twice as many
 // parts, up to eight per texel.
 #ifndef MB_ANALYTIC_SKY_H
 #define MB_ANALYTIC_SKY_H
@@ -65,14 +65,14 @@ static float light_left(const Tile *tile, float2 window, float t0, float t1,
 }
 
 // Whether sixteen places tell their mean well enough.
-static inline bool sky_is_smooth(Lanes3 light)
+static inline bool sky_is_smooth(const Tile *tile, Lanes3 light)
 {
 #ifdef SHADING_ERROR
     Lanes most = fabs(lanes_steps(lanes_steps(light.x)));
     most = lanes_max(most, fabs(lanes_steps(lanes_steps(light.y))));
     most = lanes_max(most, fabs(lanes_steps(lanes_steps(light.z))));
     most = LANE_INDEX < LANES - 2.0f ? most : (Lanes)(0.0f);
-    return lanes_sum(most) <= 8.0f * SHADING_ERROR * (LANES - 2.0f);
+    return lanes_sum(most) <= 8.0f * tile->scene.numbers.shading_error * (LANES - 2.0f);
 #else
     return true;
 #endif
@@ -94,7 +94,7 @@ static bool mean_sky(const Tile *tile, const Gaze *gaze, float2 window, float2 t
         if (!(lanes_sum(part) > 0.0f)) continue;
         Lanes3 way = ways_of(tile, gaze, sky_times(times.x, times.y, first, parts));
         Lanes3 light = sky_light(&tile->scene, way, min(LANES, parts));
-        if (!must && !sky_is_smooth(light)) return false;
+        if (!must && !sky_is_smooth(tile, light)) return false;
         sum += (float3)(lanes_sum(part * light.x), lanes_sum(part * light.y),
                         lanes_sum(part * light.z));
         total += lanes_sum(part);

@@ -187,8 +187,8 @@ static bool sort_sample(Tile *tile, Run *run)
     int count = (int)run->count;
     rank_segments(r, list, count);
 #ifdef MAX_INTERVALS
-    if (count > MAX_INTERVALS) {
-        count = MAX_INTERVALS;
+    if (count > tile->scene.numbers.most_intervals) {
+        count = tile->scene.numbers.most_intervals;
         for (int k = count; k < count + LANES; k++) r.near[k] = INFINITY, r.t1[k] = -1.0f;
     }
 #endif

@@ -90,7 +90,7 @@ static inline bool sees_still(const Tile *tile, int sample)
     Run run = tile->span_runs[sample];
     bool found = false;
     for (uint i = 0; seen && !found && i < run.count; i++)
-        found = span_path(tile, tile->spans[run.start + i]) < tile->static_paths;
+        found = span_path(tile, tile->spans[run.start + i]) < tile->scene.numbers.static_paths;
     seen &= found;
 #endif
     return seen;

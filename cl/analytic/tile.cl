@@ -137,7 +137,7 @@ static bool render_layers(Tile *tile, int rows, Frame frame, global ulong *ticks
             tile->row_high = tile->row_low + tile->piece_rows;
         }
         if (fullest_pool(tile) < tile->capacity / 3u)
-            tile->piece_rows = min(2 * tile->piece_rows, ROWS);
+            tile->piece_rows = min(2 * tile->piece_rows, tile->rows);
     }
     return true;
 }
@@ -155,8 +155,9 @@ static bool render_tile(Tile *tile, Frame frame, global ulong *ticks)
         tile->operations[i] = 0u;
 #endif
     }
-    for (tile->layer = 0; tile->layer < SAMPLES; tile->layer += LAYERS) {
-        int rows = min(LAYERS, SAMPLES - tile->layer) * TILE;
+    const int samples = tile->scene.numbers.samples, layers = tile->scene.numbers.layers;
+    for (tile->layer = 0; tile->layer < samples; tile->layer += layers) {
+        int rows = min(layers, samples - tile->layer) * TILE;
 #ifdef PLACED
         ulong clock = TICKS();
         place(tile, rows);
@@ -173,22 +174,15 @@ static uint count_static(const Tile *tile)
     uint low = 0, high = tile->member_count;
     while (low < high) {
         uint middle = (low + high) / 2;
-        if (tile->members[middle] < tile->static_paths) low = middle + 1; else high = middle;
+        if (tile->members[middle] < tile->scene.numbers.static_paths) low = middle + 1; else high = middle;
     }
     return low;
 }
 
-typedef struct {
-    int x, y;          // first pixel of the first tile
-    int columns, rows; // tiles
-    uint queued;       // tiles to render
-    uint capacity;     // of each pool, per work-item
-    uint light_count;
-    uint static_paths, seed;
-    float roll_start, roll_step, roll_length;
-} TileGrid;
-
+// Scratch of all work-items, one after the other: `sample_` is of each sample of the layers at
+// hand, `pixel_` of each pixel, and the rest are pools.
 kernel void tile(
+    Numbers numbers, TileGrid grid, Frame frame,
     global const Vertex *vertices, global const Path *paths, global const Shape *shapes,
     global const Mesh *meshes, global const Material *materials,
     global const float *vertex_colors, global const float *uvs, global const float *normals,
@@ -196,10 +190,22 @@ kernel void tile(
     global const Camera *cameras, global const Slot *slots,
     global const float *filter, global const ShutterKey *shutter, global const float *background,
     global const uint *starts, global const uint *members, global const uint *queue,
-    global uint *next, global uint *failed, global uint *samples, global float4 *pixels,
-    global ulong *counters, global float4 *rgba, global float *depth, global uint *met,
+    global uint *next, global uint *failed, global ulong *counters,
+    global double *sample_static_depth, global uint *sample_static_part, global int *sample_heads,
+    global uint *sample_met, global Run *sample_spans, global float4 *sample_still,
+    global float4 *pixel_color, global float *pixel_depth, global uint *pixel_met,
+    global Span *spans,
+#ifdef PLACED
+    global Place *sample_places,
+#endif
+#ifdef WEIGHTED
+    global float *sample_weights,
+#endif
 #ifdef AOV_SHARP
-    global float4 *sharp,
+    global float4 *pixel_sharp, global float4 *sharp,
+#endif
+#ifdef AOV_OPERATIONS
+    global uint *sample_tested, global uint *pixel_operations,
 #endif
 #if defined(MOMENTARY) || defined(AOV_OPERATIONS)
     global uint *planes,
@@ -211,110 +217,101 @@ kernel void tile(
     global const double *backward,
 #endif
 #ifdef EXACT
-    global const Depth *depths, global Visit *visits, global Front *fronts, global Front *merged,
-    global float *ordering,
+    global int *sample_tails, global const Depth *depths,
+    global Visit *visits, global Front *fronts, global Front *merged, global Ordering *ordering,
 #else
-    global Fragment *fragments, global Interval *interval_pool, global float *sorting,
+    global Run *sample_intervals,
+    global Fragment *fragments, global Interval *intervals, global Sorting *sorting,
     global Interval *sorted,
 #endif
 #ifdef SHADOWS
     global const Vertex *world, global const ShadowLight *shadow_lights,
     global const LightView *light_views, global const uint *light_starts,
-    global const uint *light_members, global const Outline *outlines, global uint *stamps,
-    uint path_count, global Step *steps,
+    global const uint *light_members, global const Outline *outlines, global uint *path_stamps,
+    global Step *steps,
 #endif
-    global Span *spans,
 #ifdef CUBE_MAPS
     global const CubeMap *maps, global const float4 *map_texels, global const Sky *sky,
-    uint sky_count, global const MirrorPlane *mirror_planes,
+    global const MirrorPlane *mirror_planes,
 #endif
 #ifdef RECORDED
-    global Event *events, global uint *event_count, global uint *event_end, uint event_capacity,
+    global Event *events, global uint *event_count, global uint *event_end,
 #endif
-    TileGrid grid, Frame frame)
+    global float4 *rgba, global float *depth, global uint *met)
 {
-    uint worker = get_global_id(0);
-    size_t pool = (size_t)worker * grid.capacity;
-    // 8-byte aligned
-    global uint *per_sample = samples + (size_t)worker * SAMPLE_WORDS * ROWS * TILE;
-    Scene scene = {
-        .vertices = vertices, .paths = paths, .meshes = meshes,
-        .materials = materials, .vertex_colors = vertex_colors,
-        .uvs = uvs, .normals = normals, .textures = textures, .texels = texels, .lights = lights,
-        .light_count = grid.light_count, .cameras = cameras, .slots = slots,
-        .filter = filter, .shutter = shutter,
-        .seed = grid.seed, .roll_start = grid.roll_start,
-        .roll_step = grid.roll_step, .roll_length = grid.roll_length
-    };
-#ifdef CUBE_MAPS
-    scene.maps = maps, scene.map_texels = map_texels;
-    scene.sky = sky, scene.sky_count = sky_count;
-    scene.mirror_planes = mirror_planes;
-#endif
+    const size_t worker = get_global_id(0), pool = worker * grid.capacity;
+    const size_t samples = worker * numbers.layers * TILE * TILE, pixels = worker * TILE * TILE;
     Tile tile = {
+        .scene = {
+            .numbers = numbers,
+            .vertices = vertices, .paths = paths, .meshes = meshes, .materials = materials,
+            .vertex_colors = vertex_colors, .uvs = uvs, .normals = normals,
+            .textures = textures, .texels = texels, .lights = lights, .cameras = cameras,
+            .slots = slots, .filter = filter, .shutter = shutter,
+#ifdef CUBE_MAPS
+            .maps = maps, .map_texels = map_texels, .sky = sky, .mirror_planes = mirror_planes,
+#endif
+        },
         .shapes = shapes,
-        .static_paths = grid.static_paths,
+        .rows = numbers.layers * TILE,
+        .piece_rows = numbers.layers * TILE,
         .capacity = grid.capacity,
-        .piece_rows = ROWS,
+        .static_depth = sample_static_depth + samples,
+        .static_part = sample_static_part + samples,
+        .heads = sample_heads + samples,
+        .met = sample_met + samples,
+        .span_runs = sample_spans + samples,
+        .still = sample_still + samples,
+        .color = pixel_color + pixels, .depth = pixel_depth + pixels, .count = pixel_met + pixels,
         .spans = spans + pool,
-        .static_depth = (global double *)per_sample,
-        .static_part = per_sample + 2 * ROWS * TILE,
-        .heads = (global int *)per_sample + 3 * ROWS * TILE,
-        .met = per_sample + 4 * ROWS * TILE,
-        .span_runs = (global Run *)(per_sample + 5 * ROWS * TILE),
 #ifdef PLACED
-        .places = (global Place *)(per_sample + 9 * ROWS * TILE),
+        .places = sample_places + samples,
 #endif
 #ifdef WEIGHTED
-        .weights = (global float *)per_sample + (9 + PLACE_WORDS) * ROWS * TILE,
-#endif
-        .still = (global float4 *)(per_sample + (10 + PLACE_WORDS) * ROWS * TILE),
-#ifdef EXACT
-        .tails = (global int *)(per_sample + 7 * ROWS * TILE),
-        .visits = visits + pool, .fronts = fronts + pool, .merged = merged + pool,
-        .ordering = ordering + (size_t)worker * ORDER_ARRAYS * (grid.capacity + LANES),
-#else
-        .runs = (global Run *)(per_sample + 7 * ROWS * TILE),
-        .fragments = fragments + pool, .intervals = interval_pool + pool, .sorted = sorted + pool,
-        .sorting = sorting + (size_t)worker * SORT_ARRAYS * (grid.capacity + LANES),
-#endif
-        .color = pixels + (size_t)worker * PIXEL_VECTORS * TILE * TILE
-    };
-    tile.depth = (global float *)(tile.color + TILE * TILE);
-    tile.count = (global uint *)(tile.depth + TILE * TILE);
-    Aovs aovs = {.size = (size_t)frame.width * frame.height};
-#if defined(MOMENTARY) || defined(AOV_OPERATIONS)
-    aovs.planes = planes;
+        .weights = sample_weights + samples,
 #endif
 #ifdef AOV_SHARP
-    tile.sharp = tile.color + 2 * TILE * TILE, aovs.sharp = sharp;
+        .sharp = pixel_sharp + pixels,
 #endif
 #ifdef AOV_OPERATIONS
-    tile.tested = per_sample + (14 + PLACE_WORDS) * ROWS * TILE;
-    tile.operations = tile.count + TILE * TILE;
-#endif
-#ifdef AOV_FORWARD
-    aovs.forward = forward;
-#endif
-#ifdef AOV_BACKWARD
-    aovs.backward = backward;
-#endif
-#ifdef MIRRORS
-    tile.frame = frame, tile.background = background;
+        .tested = sample_tested + samples, .operations = pixel_operations + pixels,
 #endif
 #ifdef EXACT
-    tile.depths = depths;
-#endif
-#ifdef RECORDED
-    tile.events = events, tile.event_capacity = event_capacity;
-    tile.event_count = event_count, tile.event_end = event_end;
+        .tails = sample_tails + samples, .depths = depths,
+        .visits = visits + pool, .fronts = fronts + pool, .merged = merged + pool,
+        .ordering = (global float *)(ordering + worker * (grid.capacity + LANES)),
+#else
+        .runs = sample_intervals + samples,
+        .fragments = fragments + pool, .intervals = intervals + pool, .sorted = sorted + pool,
+        .sorting = (global float *)(sorting + worker * (grid.capacity + LANES)),
 #endif
 #ifdef SHADOWS
-    Shadows shadows = {world, shadow_lights, light_views, light_starts, light_members, outlines,
-                       stamps + (size_t)worker * path_count, 0u, steps + pool, 0u};
-    tile.shadows = shadows;
+        .shadows = {world, shadow_lights, light_views, light_starts, light_members, outlines,
+                    path_stamps + worker * numbers.path_count, 0u, steps + pool, 0u},
 #endif
-    tile.scene = scene;
+#ifdef MIRRORS
+        .frame = frame, .background = background,
+#endif
+#ifdef RECORDED
+        .events = events, .event_capacity = grid.event_capacity,
+        .event_count = event_count, .event_end = event_end,
+#endif
+    };
+    Aovs aovs = {
+        .size = (size_t)frame.width * frame.height,
+#if defined(MOMENTARY) || defined(AOV_OPERATIONS)
+        .planes = planes,
+#endif
+#ifdef AOV_SHARP
+        .sharp = sharp,
+#endif
+#ifdef AOV_FORWARD
+        .forward = forward,
+#endif
+#ifdef AOV_BACKWARD
+        .backward = backward,
+#endif
+    };
     counters += worker * COUNTERS;
 
     for (uint k; (k = atomic_inc(next)) < grid.queued;) {

@@ -5,25 +5,24 @@
 // every pixel. The samples of a row lie in one stripe of the pixels' height, or on a line. A piece
 // is a run of rows whose lists fit into the pools.
 //
-// The plan defines: TILE (pixels along an edge), SAMPLES, LAYERS (samples per pixel worked on at a
-// time), MASK_BITS, TEXTURE_SAMPLES or SHADING_ERROR, ANISOTROPY, SAMPLE_SPACING (in pixels), and
-// a macro for each effect that the scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG,
-// METALLIC, EMISSION, POINT_LIGHTS, SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, BACKGROUND_IMAGE,
-// TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS, MAX_INTERVALS, PLACED (samples lie differently in every
-// pixel), SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE (its
-// number of keys), ROLLING, ROLLING_COLUMNS, TRANSLUCENT (what is seen through), ALPHA_VARIES (over
-// a surface), VERTEX_ALPHA, SHADOWS (how many lights cast them), ENVIRONMENT (light from all
-// sides), SKY (it is seen), REFLECTIONS (objects have cube maps of their own), MIRRORS (which make
-// stacks as what is TRANSLUCENT does), GLOSSY; AOV_TIME and the layers of aov.h; RECORDED (spans
-// for the host), RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the shutter that
-// have a colour of their own).
+// The plan defines TILE (pixels along an edge), MASK_BITS, and a macro for each effect that the
+// scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG, METALLIC, EMISSION, POINT_LIGHTS,
+// SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS,
+// MAX_INTERVALS, SHADING_ERROR, ANISOTROPY, PLACED (samples lie differently in every pixel),
+// SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING,
+// ROLLING_COLUMNS, TRANSLUCENT (what is seen through), ALPHA_VARIES (over a surface), VERTEX_ALPHA,
+// SHADOWS (how many lights cast them), ENVIRONMENT (light from all sides), SKY (it is seen),
+// REFLECTIONS (objects have cube maps of their own), MIRRORS (which make stacks as what is
+// TRANSLUCENT does), GLOSSY; MOMENTARY and the layers of aov.h; RECORDED (spans for the host),
+// RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the shutter have a colour of their
+// own). Numbers are in `Numbers`.
 #ifndef MB_TILE_H
 #define MB_TILE_H
 
 #include "shared/scene.h"
 #include "shared/lanes.h"
 #include "analytic/aov.h"
-#include "analytic/film.h"
+#include "shared/film.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -31,25 +30,7 @@
 #define TRANSLUCENT // a mirror and what is seen in it are a stack
 #endif
 
-#define ROWS (LAYERS * TILE)
-#ifdef GLOSSY
-#define PLACE_WORDS 6
-#else
-#define PLACE_WORDS 4
-#endif
-#ifdef AOV_OPERATIONS
-#define SAMPLE_WORDS (PLACE_WORDS + 15) // scratch words per sample: static_depth ... still, tested
-#else
-#define SAMPLE_WORDS (PLACE_WORDS + 14)
-#endif
-#define SORT_ARRAYS 9
 #define NO_LIGHT 1e-6f // transmittance below which what lies behind is not seen
-#define ORDER_ARRAYS 5
-#ifdef AOV_SHARP
-#define PIXEL_VECTORS 3 // scratch float4s per pixel: color; depth, count, operations; sharp
-#else
-#define PIXEL_VECTORS 2
-#endif
 
 #ifdef SHADOWS
 // What the lights see, and the light that reaches spans.
@@ -74,7 +55,6 @@ typedef struct {
 #endif
     global const Shape *shapes;  // of the paths
     global const Depth *depths;  // likewise; exact paths only
-    uint static_paths;           // the first paths, opaque, which do not move
 #ifdef MIRRORS
     Frame frame;
     global const float *background; // an image, if there is one
@@ -83,6 +63,7 @@ typedef struct {
     int x_low, x_high;           // columns of the tile that are rendered, low <= x < high
     int y_low, y_high;           // rows likewise
     int layer;                   // sample of the first layer
+    int rows;                    // of all layers that are worked on at a time
     int row_low, row_high;       // rows of the piece
     int piece_rows;              // how many to try
     global const uint *members;  // paths that may touch the tile, ascending
@@ -101,7 +82,7 @@ typedef struct {
     global int *tails;           // last visit of each sample
     global Front *fronts;        // pool: intervals or envelopes of the sample at hand
     global Front *merged;        // pool: likewise; the two take turns
-    global float *ordering;      // scratch: ORDER_ARRAYS of capacity + LANES
+    global float *ordering;      // scratch: arrays of capacity + LANES
     ulong tests, hits;           // (path, sample) pairs that were solved, and that gave an interval
 #else
     global Fragment *fragments;  // pool
@@ -110,7 +91,7 @@ typedef struct {
     global Interval *intervals;  // pool
     uint interval_count;
     global Run *runs;            // intervals of each sample
-    global float *sorting;       // scratch of the sort: SORT_ARRAYS of capacity + LANES
+    global float *sorting;       // scratch of the sort: arrays of capacity + LANES
     global Interval *sorted;     // pool: intervals in depth order, split where they cross
     uint sorted_count;
 #endif

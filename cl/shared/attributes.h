@@ -238,7 +238,7 @@ static inline Colors texel_colors(const Scene *scene, uint texture, const Attrib
 {
 #ifdef ANISOTROPY
     return texture_over(scene->texels, scene->textures[texture], &a->u, &a->v, &a->footprint,
-                        level, count);
+                        level, scene->numbers.anisotropy, count);
 #else
     return texture_at(scene->texels, scene->textures[texture], &a->u, &a->v, level, count);
 #endif
@@ -298,7 +298,7 @@ static INLINED void load_footprint(const Scene *scene, const Shaded *s, float ta
         all += edge, u += (double)uv.x * edge, v += (double)uv.y * edge;
     }
     double16 at = all.x * convert_double16(x) + all.y * convert_double16(y) + all.z;
-    double16 over = (double)SAMPLE_SPACING / at;
+    double16 over = (double)scene->numbers.sample_spacing / at;
     double16 us = convert_double16(a->u), vs = convert_double16(a->v);
     a->footprint.u_right = footprint_side((u.x - us * all.x) * over);
     a->footprint.v_right = footprint_side((v.x - vs * all.x) * over);
@@ -416,13 +416,13 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
 #endif
     global const Light *lights = scene->lights;
 #ifdef MIRRORS
-    lights += s->mesh.world * scene->light_count; // those of each world in turn
+    lights += s->mesh.world * scene->numbers.light_count; // those of each world in turn
 #endif
     Lanes3 sum = reflected(&s->material, gloss, color, position, normal, view, lights,
 #ifdef SHADOWS
                            a->lit,
 #endif
-                           scene->light_count);
+                           scene->numbers.light_count);
 #ifdef LIGHT_AROUND
 #ifdef MIRRORS
     normal = unmirrored(scene, s->mesh.world, normal);

@@ -2,6 +2,8 @@
 #ifndef MB_LENS_H
 #define MB_LENS_H
 
+#include "shared/records.h"
+
 // Area-preserving map of the unit square to the unit disc.
 static float2 square_to_disc(float2 square)
 {
@@ -14,11 +16,11 @@ static float2 square_to_disc(float2 square)
 }
 
 #ifdef BLADES
-// Likewise to the regular polygon of BLADES sides within the unit disc.
-static float2 square_to_polygon(float2 square)
+// Likewise to the regular polygon of the blades within the unit disc.
+static float2 square_to_polygon(float2 square, const Numbers *numbers)
 {
-    float scaled = square.x * BLADES, blade = floor(scaled), along = scaled - blade;
-    float step = 2.0f * M_PI_F / BLADES, a = blade * step + BLADE_ROTATION;
+    float scaled = square.x * numbers->blades, blade = floor(scaled), along = scaled - blade;
+    float step = 2.0f * M_PI_F / numbers->blades, a = blade * step + numbers->blade_rotation;
     float out = sqrt(square.y);
     float2 p = (float2)(cos(a), sin(a)), q = (float2)(cos(a + step), sin(a + step));
     return out * mix(p, q, along);
@@ -39,10 +41,10 @@ static float2 square_to_disc_lines(float2 square)
 #ifdef BLADES
 // Of a polygon. (A line's halves begin half the rim apart, which with an odd number of blades bends
 // it a little.)
-static float2 square_to_polygon_lines(float2 square)
+static float2 square_to_polygon_lines(float2 square, const Numbers *numbers)
 {
     float along = 2.0f * square.y - 1.0f, turn = 0.5f * square.x + (along < 0.0f ? 0.5f : 0.0f);
-    return square_to_polygon((float2)(turn, fabs(along)));
+    return square_to_polygon((float2)(turn, fabs(along)), numbers);
 }
 #endif
 #endif

@@ -5,6 +5,62 @@
 
 #include "shared/inlining.h"
 
+// What the kernels are told in numbers: of the scene, and of the plan. Those of an effect that is
+// not called for are 0.
+typedef struct {
+    uint light_count;
+    uint static_paths;          // the first paths, opaque, which do not move
+    uint path_count;            // all of them
+    uint sky_count;
+    uint leaf_nodes;            // of the tree of what casts shadows; also the first one's place
+    float roll_start, roll_step, roll_length; // of a rolling shutter's lines, in the shutter's time
+    uint shutter_keys;
+    uint seed;
+    int width, height;          // of the frame
+    int samples;                // per pixel
+    int layers;                 // samples per pixel that a tile works on at a time
+    int filter_places;          // of the table of the filter's weight
+    float filter_zero, filter_mass; // where it changes sign, and the mass of its absolute value
+    float reach_low, reach_high; // where samples lie relative to their pixel, in x and in y
+    int blades;
+    float blade_rotation;       // radians
+    float moment;               // of the sharp frame, in the shutter's time
+    float shading_error;
+    int shading_times;
+    int anisotropy;
+    float sample_spacing;       // pixels
+    int most_intervals;         // of a sample
+    int event_steps;            // parts of the shutter that have a colour of their own
+    int shadow_size, shadow_strata; // texels along an edge of a shadow map, and times of it
+    float shadow_bias;          // texels
+} Numbers;
+
+// The tiles that are rendered in one go.
+typedef struct {
+    int x, y;          // first pixel of the first tile
+    int columns, rows; // tiles
+    uint queued;       // tiles to render
+    uint capacity;     // of each pool, per work-item
+    uint event_capacity; // of the pool of events
+} TileGrid;
+
+// The tiles that paths are listed by.
+typedef struct {
+    int x, y;          // first pixel of the first tile
+    int columns, rows; // tiles
+    int size;          // pixels along a tile's edge
+    uint paths;
+    uint chunk;        // paths per work-item
+    float x_low, x_high, y_low, y_high; // where samples lie, relative to their pixels
+} ListGrid;
+
+// The part of the frame that is rendered, and what lies behind everything.
+typedef struct {
+    int x, y;           // first pixel of the film in the frame
+    int width, height;
+    float background[3];
+} Frame;
+
 // A vertex in homogeneous pixel space, (X w, Y w, w). A point of the lens moves it by (u, v) times
 // circle: its circle of confusion, times w.
 typedef struct {
@@ -300,6 +356,25 @@ typedef struct {
     float normal[3];
     float tangents[6];
 } MirrorPlane;
+
+// A sample: its place in the frame, in pixels, the point of the lens that it looks through, and
+// that of the disc over which glossy mirrors spread what they show.
+typedef struct {
+    float x, y, u, v;
+#ifdef GLOSSY
+    float a, b;
+#endif
+} Place;
+
+// Scratch of the envelope for one interval: a word in each of five arrays.
+typedef struct {
+    float words[5];
+} Ordering;
+
+// Scratch of the sort for one interval: a word in each of nine arrays.
+typedef struct {
+    float words[9];
+} Sorting;
 
 // A run of records that belongs to one sample.
 typedef struct {

@@ -17,6 +17,7 @@
 #endif
 
 typedef struct {
+    Numbers numbers;
     global const Vertex *vertices;
     global const Path *paths;
     global const Mesh *meshes;
@@ -27,29 +28,16 @@ typedef struct {
     global const Texture *textures;
     global const float4 *texels;
     global const Light *lights;
-    uint light_count;
     global const Camera *cameras;
     global const Slot *slots;      // of the samples of a pixel
     global const float *filter;    // inverse of the filter's cumulative weight
     global const ShutterKey *shutter;
-    uint seed;
-    float roll_start, roll_step, roll_length; // of a rolling shutter's lines, in the shutter's time
 #ifdef CUBE_MAPS
     global const CubeMap *maps;       // the environment, then those of objects
     global const float4 *map_texels;  // what facets reflect (environment.h), and those of maps
     global const Sky *sky;            // the camera, for what lies behind all
-    uint sky_count;
     global const MirrorPlane *mirror_planes; // of the worlds that are seen in mirrors, from 1 on
 #endif
 } Scene;
-
-// A sample: its place in the frame, in pixels, the point of the lens that it looks through, and
-// that of the disc over which glossy mirrors spread what they show.
-typedef struct {
-    float x, y, u, v;
-#ifdef GLOSSY
-    float a, b;
-#endif
-} Place;
 
 #endif

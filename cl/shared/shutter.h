@@ -14,8 +14,8 @@ static inline float2 line_window(const Scene *scene, int x, int y)
 #else
     int line = y;
 #endif
-    float open = scene->roll_start + scene->roll_step * line;
-    return (float2)(open, open + scene->roll_length);
+    float open = scene->numbers.roll_start + scene->numbers.roll_step * line;
+    return (float2)(open, open + scene->numbers.roll_length);
 #else
     return (float2)(0.0f, 1.0f);
 #endif
@@ -25,10 +25,10 @@ static inline float2 line_window(const Scene *scene, int x, int y)
 
 // Share of the light that has passed by `t`, in the line's own time, [0, 1]. The curve is linear
 // between keys, so the light in between is a trapezoid.
-static float passed_through_curve(global const ShutterKey *keys, float t)
+static float passed_through_curve(global const ShutterKey *keys, uint count, float t)
 {
-    int k = 1;
-    while (k < SHUTTER_CURVE - 1 && keys[k].t <= t) k++;
+    uint k = 1;
+    while (k < count - 1u && keys[k].t <= t) k++;
     ShutterKey a = keys[k - 1], b = keys[k];
     float part = (t - a.t) / (b.t - a.t), open = a.open + 0.5f * part * (b.open - a.open);
     float whole = 0.5f * (a.open + b.open);
@@ -36,10 +36,10 @@ static float passed_through_curve(global const ShutterKey *keys, float t)
 }
 
 // The time by which the share `passed` of the light has passed.
-static float time_through_curve(global const ShutterKey *keys, float passed)
+static float time_through_curve(global const ShutterKey *keys, uint count, float passed)
 {
-    int k = 1;
-    while (k < SHUTTER_CURVE - 1 && keys[k].passed <= passed) k++;
+    uint k = 1;
+    while (k < count - 1u && keys[k].passed <= passed) k++;
     ShutterKey a = keys[k - 1], b = keys[k];
     float share = (passed - a.passed) / (b.passed - a.passed); // of the trapezoid's area
     float c = share * 0.5f * (a.open + b.open), slope = b.open - a.open;
@@ -57,7 +57,7 @@ static inline float light_until(const Scene *scene, float2 window, float t)
     t = clamp((t - window.x) / (window.y - window.x), 0.0f, 1.0f);
 #endif
 #ifdef SHUTTER_CURVE
-    t = passed_through_curve(scene->shutter, t);
+    t = passed_through_curve(scene->shutter, scene->numbers.shutter_keys, t);
 #endif
     return t;
 }
@@ -66,7 +66,7 @@ static inline float light_until(const Scene *scene, float2 window, float t)
 static inline float time_of_light(const Scene *scene, float2 window, float passed)
 {
 #ifdef SHUTTER_CURVE
-    passed = time_through_curve(scene->shutter, passed);
+    passed = time_through_curve(scene->shutter, scene->numbers.shutter_keys, passed);
 #endif
 #ifdef ROLLING
     passed = window.x + (window.y - window.x) * passed;

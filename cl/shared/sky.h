@@ -33,7 +33,7 @@ static INLINED Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
     uint k = 0;
     for (int i = 0; i < LANES; i++) {
         while (k > 0u && scene->sky[k].open > times[i]) k--;
-        while (k + 1u < scene->sky_count && scene->sky[k].close <= times[i]) k++;
+        while (k + 1u < scene->numbers.sky_count && scene->sky[k].close <= times[i]) k++;
         global const Sky *sky = scene->sky + k;
         float part = clamp((times[i] - sky->open) / (sky->close - sky->open), 0.0f, 1.0f);
 #ifdef LENS

@@ -122,26 +122,26 @@ static float4 trilinear_texel(global const float4 *texels, Texture texture, floa
 }
 
 // Length of the footprint's shorter side in texels, at least one, and at least a part of the
-// longer.
-static inline float shorter_side(Texture texture, float2 right, float2 down)
+// longer: `most` looks cover that.
+static inline float shorter_side(Texture texture, float2 right, float2 down, int most)
 {
     float2 size = (float2)(texture.width, texture.height), a = right * size, b = down * size;
     float longer = sqrt(fmax(dot(a, a), dot(b, b)));
     float shorter = longer > 0.0f ? fabs(a.x * b.y - a.y * b.x) / longer : 0.0f;
-    return fmax(fmax(shorter, longer / ANISOTROPY), 1.0f);
+    return fmax(fmax(shorter, longer / most), 1.0f);
 }
 
 // A texture's mean over the footprint of one sample: a row of look-ups along its longer side, at
 // the mip level of its shorter side, or of a part of the longer one if that is larger (after
-// McCormack et al. 1999, Feline). `least` is the lowest level.
+// McCormack et al. 1999, Feline). `least` is the lowest level, `most` the largest number of looks.
 static float4 texel_over(global const float4 *texels, Texture texture, float2 uv, float2 right,
-                         float2 down, float least)
+                         float2 down, float least, int most)
 {
     float2 size = (float2)(texture.width, texture.height), a = right * size, b = down * size;
     bool wider = dot(a, a) >= dot(b, b);
     float longer = sqrt(wider ? dot(a, a) : dot(b, b));
-    float shorter = shorter_side(texture, right, down);
-    int looks = clamp((int)ceil(longer / shorter - 0.01f), 1, ANISOTROPY);
+    float shorter = shorter_side(texture, right, down, most);
+    int looks = clamp((int)ceil(longer / shorter - 0.01f), 1, most);
     float level = fmax(log2(shorter), least);
     float2 along = (wider ? right : down) / looks;
     float4 sum = 0.0f;
@@ -155,7 +155,8 @@ static float4 texel_over(global const float4 *texels, Texture texture, float2 uv
 
 // Likewise of sixteen, the first `count` of which matter; others are zero.
 static Colors texture_over(global const float4 *texels, Texture texture, const Lanes *u,
-                           const Lanes *v, const Footprint *f, float least, int count)
+                           const Lanes *v, const Footprint *f, float least, int most,
+                           int count)
 {
     float us[LANES], vs[LANES], u_right[LANES], v_right[LANES], u_down[LANES], v_down[LANES];
     vstore16(*u, 0, us), vstore16(*v, 0, vs);
@@ -167,7 +168,7 @@ static Colors texture_over(global const float4 *texels, Texture texture, const L
         if (i < count)
             texel = texel_over(texels, texture, (float2)(us[i], vs[i]),
                                (float2)(u_right[i], v_right[i]), (float2)(u_down[i], v_down[i]),
-                               least);
+                               least, most);
         found[0][i] = texel.x, found[1][i] = texel.y, found[2][i] = texel.z;
         found[3][i] = texel.w;
     }

@@ -20,7 +20,7 @@ static double lens_circle(const Camera *camera, double w)
 
 // World positions to homogeneous pixel space, relative to the eye before anything is rounded.
 kernel void vertices(global const VertexJob *jobs, global const double *positions,
-                     global const Camera *cameras, global Vertex *output)
+                     global const Camera *cameras, global Vertex *vertices)
 {
     VertexJob job = jobs[get_global_id(0)];
     Camera camera = cameras[job.camera];
@@ -33,6 +33,6 @@ kernel void vertices(global const VertexJob *jobs, global const double *position
 #ifdef LENS
         v.circle = lens_circle(&camera, v.w);
 #endif
-        output[job.output + i] = v;
+        vertices[job.output + i] = v;
     }
 }

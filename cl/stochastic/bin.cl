@@ -3,7 +3,6 @@
 //
 // Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in the order
 // given, in any run and on any number of threads.
-#include "shared/grid.h"
 #include "shared/lanes.h"
 #include "shared/records.h"
 #include "shared/shear.h"
@@ -17,7 +16,7 @@ typedef struct {
 } Boxes;
 
 static Boxes boxes_of(global const Vertex *vertices, global const Mesh *meshes,
-                      global const Camera *cameras, Path path, Grid grid)
+                      global const Camera *cameras, Path path, ListGrid grid)
 {
     const uint corner[3] = {path.a, path.b, path.c};
 #ifdef GLOSSY
@@ -78,7 +77,7 @@ static INLINED float least(Lanes a)
 // Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
 static void bin_chunk(global const Vertex *vertices, global const Path *paths,
                       global const Bounds *bounds, global const Mesh *meshes,
-                      global const Camera *cameras, global const uint *order, Grid grid,
+                      global const Camera *cameras, global const uint *order, ListGrid grid,
                       uint chunk, global uint *place, global uint *entries)
 {
     uint begin = chunk * grid.chunk, end = min(begin + grid.chunk, grid.paths);
@@ -109,7 +108,7 @@ static void bin_chunk(global const Vertex *vertices, global const Path *paths,
 
 kernel void bin_count(global const Vertex *vertices, global const Path *paths,
                       global const Bounds *bounds, global const Mesh *meshes,
-                      global const Camera *cameras, global const uint *order, Grid grid,
+                      global const Camera *cameras, global const uint *order, ListGrid grid,
                       global uint *counts)
 {
     uint tiles = grid.columns * grid.rows;
@@ -120,10 +119,10 @@ kernel void bin_count(global const Vertex *vertices, global const Path *paths,
 
 kernel void bin_file(global const Vertex *vertices, global const Path *paths,
                      global const Bounds *bounds, global const Mesh *meshes,
-                     global const Camera *cameras, global const uint *order, Grid grid,
-                     global uint *places, global uint *entries)
+                     global const Camera *cameras, global const uint *order, ListGrid grid,
+                     global uint *counts, global uint *members)
 {
     uint tiles = grid.columns * grid.rows;
     bin_chunk(vertices, paths, bounds, meshes, cameras, order, grid, get_global_id(0),
-              places + (size_t)get_global_id(0) * tiles, entries);
+              counts + (size_t)get_global_id(0) * tiles, members);
 }

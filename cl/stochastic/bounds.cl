@@ -67,12 +67,13 @@ static bool faces_away(const double3 *q, const double *circle)
 
 #define PATHS_PER_ITEM 256
 
-kernel void bounds(global const Vertex *vertices, global const Path *paths, uint count,
+kernel void bounds(Numbers numbers, global const Vertex *vertices, global const Path *paths,
                    global const Mesh *meshes, global const Material *materials,
-                   global const Camera *cameras, int width, int height, global Bounds *out)
+                   global const Camera *cameras, global Bounds *bounds)
 {
-    uint start = get_global_id(0) * PATHS_PER_ITEM;
-    for (uint i = start; i < min(start + PATHS_PER_ITEM, count); i++) {
+    const uint start = get_global_id(0) * PATHS_PER_ITEM;
+    const double edge = max(numbers.width, numbers.height);
+    for (uint i = start; i < min(start + PATHS_PER_ITEM, numbers.path_count); i++) {
         Path path = paths[i];
         Mesh mesh = meshes[path.mesh];
         const uint corner[3] = {path.a, path.b, path.c};
@@ -83,7 +84,7 @@ kernel void bounds(global const Vertex *vertices, global const Path *paths, uint
             q[k] = (double3)(v.x, v.y, v.w);
             circle[k] = v.circle;
             low = fmin(low, v.w), high = fmax(high, v.w);
-            most = fmax(most, fmax(fabs(v.x), fabs(v.y)) + (double)max(width, height) * fabs(v.w));
+            most = fmax(most, fmax(fabs(v.x), fabs(v.y)) + edge * fabs(v.w));
             most = fmax(most, fabs(v.circle));
         }
         bool one_sided = materials[mesh.material].flags & MATERIAL_SINGLE_SIDED, turns = false;
@@ -94,12 +95,12 @@ kernel void bounds(global const Vertex *vertices, global const Path *paths, uint
             deep = fmax(deep, shear_reach(&shear, k / 3, q[k].x, q[k].y, q[k].z).x);
         low -= deep, high += deep, turns = shear.any;
 #endif
-        Bounds bounds = {.scale = power_of_two_for(most), .flags = 0u};
-        bounds.near = (float)fmax(low, 0.0) * (1.0f - 1e-6f);
-        bounds.far = low > 0.0 ? (float)high * (1.0f + 1e-6f) : INFINITY;
+        Bounds found = {.scale = power_of_two_for(most), .flags = 0u};
+        found.near = (float)fmax(low, 0.0) * (1.0f - 1e-6f);
+        found.far = low > 0.0 ? (float)high * (1.0f + 1e-6f) : INFINITY;
         bool away = one_sided && !turns && faces_away(q, circle);
-        if (one_sided) bounds.flags |= BOUNDS_SINGLE_SIDED | (away ? BOUNDS_CULLED : 0u);
-        if (high <= 0.0) bounds.flags |= BOUNDS_CULLED;
-        out[i] = bounds;
+        if (one_sided) found.flags |= BOUNDS_SINGLE_SIDED | (away ? BOUNDS_CULLED : 0u);
+        if (high <= 0.0) found.flags |= BOUNDS_CULLED;
+        bounds[i] = found;
     }
 }

@@ -71,7 +71,7 @@ static Doubles3 points_seen(const Tile *tile, Path path, const Samples *samples)
 #ifdef SHADOW_MAP
 
 // Whether the nearest surface of the map's texel, at a time of the sample's stratum, lies before
-// the point by more than the bias: SHADOW_BIAS times a texel's size there.
+// the point by more than the bias: `shadow_bias` times a texel's size there.
 static INLINED bool is_hidden(const Tile *tile, uint index, double3 p, float t)
 {
     global const LightView *view = tile->light_views + index;
@@ -80,13 +80,14 @@ static INLINED bool is_hidden(const Tile *tile, uint index, double3 p, float t)
     double y = m[4] * p.x + m[5] * p.y + m[6] * p.z + m[7];
     double w = m[8] * p.x + m[9] * p.y + m[10] * p.z + m[11];
     double depth = m[12] * p.x + m[13] * p.y + m[14] * p.z + m[15];
-    if (!(w > 0.0 && x >= 0.0 && y >= 0.0 && x < SHADOW_MAP * w && y < SHADOW_MAP * w))
-        return false;
-    int column = min((int)(x / w), SHADOW_MAP - 1), row = min((int)(y / w), SHADOW_MAP - 1);
-    int stratum = clamp((int)(t * SHADOW_STRATA), 0, SHADOW_STRATA - 1);
-    size_t texel = ((size_t)index * SHADOW_STRATA + stratum) * SHADOW_MAP + row;
-    float nearest = tile->shadow_map[texel * SHADOW_MAP + column];
-    return nearest + SHADOW_BIAS * view->texel * w < depth;
+    const Numbers *n = &tile->scene.numbers;
+    const int size = n->shadow_size;
+    if (!(w > 0.0 && x >= 0.0 && y >= 0.0 && x < size * w && y < size * w)) return false;
+    int column = min((int)(x / w), size - 1), row = min((int)(y / w), size - 1);
+    int stratum = clamp((int)(t * n->shadow_strata), 0, n->shadow_strata - 1);
+    size_t texel = ((size_t)index * n->shadow_strata + stratum) * size + row;
+    float nearest = tile->shadow_map[texel * size + column];
+    return nearest + n->shadow_bias * view->texel * w < depth;
 }
 
 static INLINED Lanes mapped_share(const Tile *tile, const ShadowLight *light,

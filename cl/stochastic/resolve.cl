@@ -1,29 +1,16 @@
 // Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and count.
 #include "stochastic/tile.h"
-
-// Background behind a pixel's mean colour; an environment is in the colour already.
-static float4 over_background(float4 color, size_t out, const Frame *frame,
-                              global const float *background)
-{
-#if !defined(TRANSPARENT) && !defined(SKY)
-#ifdef BACKGROUND_IMAGE
-    float3 behind = vload3(out, background);
-#else
-    float3 behind = (float3)(frame->background[0], frame->background[1], frame->background[2]);
-#endif
-    color.xyz += (1.0f - color.w) * behind;
-#endif
-    return color;
-}
+#include "shared/film.h" // after the pragma that forbids to contract
 
 #ifdef WEIGHTED
-// A filter with negative lobes: samples weigh FILTER_MASS times their sign, and what a pixel's
+// A filter with negative lobes: samples weigh its mass times their sign, and what a pixel's
 // samples lack of SAMPLES together is spread evenly.
 static void weigh(const Tile *tile, int pixel)
 {
-    float lacking = 1.0f - FILTER_MASS * tile->sign_sum[pixel] * (1.0f / SAMPLES);
-    tile->color[pixel] = FILTER_MASS * tile->signed_color[pixel] + lacking * tile->color[pixel];
-    tile->depth[pixel] = FILTER_MASS * tile->signed_depth[pixel] + lacking * tile->depth[pixel];
+    const float mass = tile->scene.numbers.filter_mass;
+    float lacking = 1.0f - mass * tile->sign_sum[pixel] * (1.0f / SAMPLES);
+    tile->color[pixel] = mass * tile->signed_color[pixel] + lacking * tile->color[pixel];
+    tile->depth[pixel] = mass * tile->signed_depth[pixel] + lacking * tile->depth[pixel];
 }
 #endif
 
@@ -60,7 +47,7 @@ static void resolve(const Tile *tile, Frame frame, global const float *backgroun
 #endif
             float4 sum = tile->color[pixel];
             depth[out] = sum.w > 0.0f ? tile->depth[pixel] / sum.w : INFINITY;
-            rgba[out] = over_background(sum * (1.0f / SAMPLES), out, &frame, background);
+            rgba[out] = over_background(sum * (1.0f / SAMPLES), out, frame, background);
             seen[out] = tile->count[pixel];
         }
 }

@@ -33,7 +33,7 @@ kernel void rgss(global const float4 *colors, global const float *depths,
         float4 color = (5.0f / 32.0f) * own + (3.0f / 32.0f) * others;
         float far = (5.0f / 32.0f) * own_depth + (3.0f / 32.0f) * other_depth;
         depth[out] = color.w > 0.0f ? far / color.w : INFINITY;
-        rgba[out] = over_background(color, kept, &frame, background);
+        rgba[out] = over_background(color, kept, frame, background);
         seen[out] = kept_seen[kept];
     }
 }

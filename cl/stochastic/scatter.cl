@@ -114,7 +114,7 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 #elif defined(PATTERN_SLICES)
     // All pixels alike: sample l belongs to one of SLICES times and points of the lens.
     const uint each = SAMPLES / SLICES, slice = l / each;
-    uint16 frame = (uint16)(mix_bits(tile->scene.seed + 13u));
+    uint16 frame = (uint16)(mix_bits(tile->scene.numbers.seed + 13u));
     Slot slot = tile->scene.slots[l % each];
     d.x = slot.x_low, d.y = slot.y_low;
     d.t = (float)slice;
@@ -151,7 +151,7 @@ static INLINED void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, L
     d->y = 0.125f + 0.25f * convert_float16(place);
     int16 quad_x = (x - (int)(l & 1u)) >> 1, quad_y = (y - (int)(l >> 1)) >> 1;
     uint16 seed = mix_lanes(convert_uint16(quad_x) ^ mix_lanes(convert_uint16(quad_y)
-                                                               ^ mix_bits(tile->scene.seed + 7u)));
+                                                               ^ mix_bits(tile->scene.numbers.seed + 7u)));
     Lanes second = convert_float16(quad_x + quad_y & 1);
     d->t = 0.25f * ((float)l + 0.5f * (second + hashed(l, seed)));
 }
@@ -166,7 +166,7 @@ static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, La
 {
     int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
     uint16 quad = mix_lanes(convert_uint16(x >> 1) ^ mix_lanes(convert_uint16(y >> 1)
-                                                               ^ mix_bits(tile->scene.seed + 9u)));
+                                                               ^ mix_bits(tile->scene.numbers.seed + 9u)));
     uint16 mixed = mix_lanes(quad ^ l * 0x9e3779b9u);
     // One of the 24 orders of four: a turn, then one that keeps the first in place.
     uint16 k = convert_uint16(x & 1 | (y & 1) << 1);
@@ -175,7 +175,7 @@ static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, La
     turned = mirrored ? 4u - k : k;
     turned = k != 0u ? (turned - 1u + swap) % 3u + 1u : k;
     uint16 pair = l * 4u + (turned + (mixed & 3u)) % 4u;
-    uint frame = mix_bits(tile->scene.seed + 11u);
+    uint frame = mix_bits(tile->scene.numbers.seed + 11u);
     float t[LANES], u[LANES], v[LANES];
     uint index[LANES];
     vstore16(pair, 0, index);
@@ -195,7 +195,7 @@ static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, La
 static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
 {
     const uint slice = l / (SAMPLES / SLICES);
-    uint16 frame = (uint16)(mix_bits(tile->scene.seed + 13u));
+    uint16 frame = (uint16)(mix_bits(tile->scene.numbers.seed + 13u));
 #ifdef LENS
     d->u = scrambled(sobol(slice, 1), frame + 1u);
     d->v = scrambled(sobol(l, 2), seeds->v);
@@ -211,10 +211,11 @@ static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
 // Where in the filter's reach the fraction `share` of its weight lies to the left.
 static INLINED Lanes warped_to_filter(const Tile *tile, Lanes share)
 {
+    const int places = tile->scene.numbers.filter_places;
     float out[LANES];
-    vstore16(share * FILTER_TABLE, 0, out);
+    vstore16(share * (float)places, 0, out);
     for (int i = 0; i < LANES; i++) {
-        int k = min((int)out[i], FILTER_TABLE - 1);
+        int k = min((int)out[i], places - 1);
         out[i] = mix(tile->scene.filter[k], tile->scene.filter[k + 1], out[i] - k);
     }
     return vload16(0, out);
@@ -239,14 +240,14 @@ static INLINED Lanes times_of_light(const Tile *tile, int block, Lanes passed)
 }
 
 #ifdef LENS
-static inline float2 lens_point(float u, float v)
+static inline float2 lens_point(const Tile *tile, float u, float v)
 {
 #if defined(SLICE_LINES) && defined(BLADES)
-    return square_to_polygon_lines((float2)(u, v));
+    return square_to_polygon_lines((float2)(u, v), &tile->scene.numbers);
 #elif defined(SLICE_LINES)
     return square_to_disc_lines((float2)(u, v));
 #elif defined(BLADES)
-    return square_to_polygon((float2)(u, v));
+    return square_to_polygon((float2)(u, v), &tile->scene.numbers);
 #else
     return square_to_disc((float2)(u, v));
 #endif
@@ -349,7 +350,7 @@ static void scatter_block(const Tile *tile, int block)
             tile->xs[to] = ((float *)&d.x)[i], tile->ys[to] = ((float *)&d.y)[i];
             tile->ts[to] = ((float *)&d.t)[i];
 #ifdef LENS
-            float2 point = lens_point(((float *)&d.u)[i], ((float *)&d.v)[i]);
+            float2 point = lens_point(tile, ((float *)&d.u)[i], ((float *)&d.v)[i]);
             tile->us[to] = point.x, tile->vs[to] = point.y;
 #endif
 #ifdef GLOSSY

@@ -14,7 +14,8 @@ static inline float sign_of_sample(const Tile *tile, int index, int pixel)
     int at = pixel_of(pixel / LANES, pixel % LANES);
     float x = fabs(tile->xs[index] + HALF - at % TILE - 0.5f);
     float y = fabs(tile->ys[index] + HALF - at / TILE - 0.5f);
-    return (x > FILTER_ZERO) == (y > FILTER_ZERO) ? 1.0f : -1.0f;
+    const float zero = tile->scene.numbers.filter_zero;
+    return (x > zero) == (y > zero) ? 1.0f : -1.0f;
 #else
     return 1.0f;
 #endif

@@ -22,25 +22,26 @@ static void aim(Rays *rays, int lane, global const ViewRays *view, double x, dou
 }
 
 // One row of texels of one stratum of one view for each work-item.
-kernel void shadow_map(global const Vertex *world, global const Path *paths,
-                       global const TreeNode *nodes, global const uint *leaves, uint leaf_nodes,
-                       global const ViewRays *views, uint seed, global float *map)
+kernel void shadow_map(Numbers numbers, global const Vertex *world, global const Path *paths,
+                       global const TreeNode *tree, global const uint *leaves,
+                       global const ViewRays *views, global float *shadow_map)
 {
-    uint item = get_global_id(0), stratum = item / SHADOW_MAP % SHADOW_STRATA;
-    global const ViewRays *view = views + item / SHADOW_MAP / SHADOW_STRATA;
-    Occluders o = {world, paths, nodes, leaves, leaf_nodes, 0};
-    for (uint first = 0; first < SHADOW_MAP; first += LANES) {
+    const uint size = numbers.shadow_size, strata = numbers.shadow_strata;
+    uint item = get_global_id(0), stratum = item / size % strata;
+    global const ViewRays *view = views + item / size / strata;
+    Occluders o = {world, paths, tree, leaves, numbers.leaf_nodes, 0};
+    for (uint first = 0; first < size; first += LANES) {
         Rays rays = {.ends = false};
         float times[LANES];
         for (uint i = 0; i < LANES; i++) {
-            uint x = min(first + i, SHADOW_MAP - 1u);
-            uint own = mix_bits(seed ^ mix_bits(item * SHADOW_MAP + x));
-            aim(&rays, (int)i, view, x + jitter(own, 0u), item % SHADOW_MAP + jitter(own, 1u));
-            times[i] = (stratum + jitter(own, 2u)) * (1.0f / SHADOW_STRATA);
+            uint x = min(first + i, size - 1u);
+            uint own = mix_bits(numbers.seed ^ mix_bits(item * size + x));
+            aim(&rays, (int)i, view, x + jitter(own, 0u), item % size + jitter(own, 1u));
+            times[i] = (stratum + jitter(own, 2u)) * (1.0f / strata);
         }
         rays.t = vload16(0, times);
         Lanes depth = convert_float16(view->depth + first_place(&o, &rays));
-        for (uint i = 0; i < min(LANES, (int)(SHADOW_MAP - first)); i++)
-            map[(size_t)item * SHADOW_MAP + first + i] = ((const float *)&depth)[i];
+        for (uint i = 0; i < min(LANES, (int)(size - first)); i++)
+            shadow_map[(size_t)item * size + first + i] = ((const float *)&depth)[i];
     }
 }

@@ -65,36 +65,20 @@ static void render_tile(Tile *tile, global ulong *ticks)
     }
 }
 
-typedef struct {
-    int x, y;          // first pixel of the first tile
-    int columns, rows; // tiles
-    uint queued;       // tiles to render
-    uint light_count, seed;
-    float roll_start, roll_step, roll_length;
-    float reach_low, reach_high;
-    int width, height; // of the frame
-} TileGrid;
-
-static void place_frame(Tile *tile, TileGrid grid)
+static void place_frame(Tile *tile)
 {
+    const Numbers *n = &tile->scene.numbers;
     float x = tile->x + HALF, y = tile->y + HALF;
-    tile->middle_x = 0.5f * grid.width - x, tile->middle_y = 0.5f * grid.height - y;
-    tile->clip_scale = 2.0f / grid.height;
-    tile->frame.left = grid.reach_low - x, tile->frame.right = grid.width - 1 + grid.reach_high - x;
-    tile->frame.top = grid.reach_low - y,
-    tile->frame.bottom = grid.height - 1 + grid.reach_high - y;
+    tile->middle_x = 0.5f * n->width - x, tile->middle_y = 0.5f * n->height - y;
+    tile->clip_scale = 2.0f / n->height;
+    tile->frame.left = n->reach_low - x, tile->frame.right = n->width - 1 + n->reach_high - x;
+    tile->frame.top = n->reach_low - y, tile->frame.bottom = n->height - 1 + n->reach_high - y;
 }
 
-#if defined(GLOSSY)
-#define SCRATCH 11 // floats per sample
-#elif defined(MIRRORS)
-#define SCRATCH 9
-#else
-#define SCRATCH 7
-#endif
-#define PIXEL_VECTORS 8 // float4s per pixel
-
+// Scratch of all work-items, one after the other: `sample_` is of each sample of a group, `pixel_`
+// of each pixel.
 kernel void tile(
+    Numbers numbers, TileGrid grid, Frame frame,
     global const Vertex *vertices, global const Path *paths, global const Bounds *bounds,
     global const Mesh *meshes, global const Material *materials,
     global const float *vertex_colors, global const float *uvs, global const float *normals,
@@ -102,68 +86,80 @@ kernel void tile(
     global const Light *lights, global const Camera *cameras, global const Slot *slots,
     global const float *filter, global const ShutterKey *shutter, global const float *background,
     global const uint *starts, global const uint *members, global const uint *queue,
-    global uint *next, global float *samples, global float4 *pixels, global ulong *counters,
-    global float4 *rgba, global float *depth, global uint *seen,
+    global uint *next, global ulong *counters,
+    global float *sample_x, global float *sample_y, global float *sample_t,
+    global float *sample_u, global float *sample_v,
+    global float *sample_depth, global uint *sample_owner,
+    global float4 *pixel_color, global float *pixel_depth, global uint *pixel_seen,
+#ifdef GLOSSY
+    global float *sample_a, global float *sample_b,
+#endif
+#ifdef MIRRORS
+    global float *sample_mirror_depth, global uint *sample_mirror_owner,
+#endif
+#ifdef WEIGHTED
+    global float4 *pixel_signed_color, global float *pixel_signed_depth, global float *pixel_signs,
+#endif
+#ifdef PATTERN_RGSS
+    global float4 *kept_color, global float *kept_depth,
+#endif
 #ifdef SHADOWS
     global const Vertex *world, global const ShadowLight *shadow_lights,
-    global const TreeNode *tree, global const uint *leaves, uint leaf_nodes,
-    global const LightView *light_views, global const float *shadow_map,
+    global const TreeNode *tree, global const uint *leaves, global const LightView *light_views,
+#ifdef SHADOW_MAP
+    global const float *shadow_map,
+#endif
 #endif
 #ifdef CUBE_MAPS
     global const CubeMap *maps, global const float4 *map_texels, global const Sky *sky,
-    uint sky_count, global const MirrorPlane *mirror_planes,
+    global const MirrorPlane *mirror_planes,
 #endif
-    TileGrid grid, Frame frame)
+    global float4 *rgba, global float *depth, global uint *seen)
 {
-    uint worker = get_global_id(0);
-    global float *scratch = samples + (size_t)worker * SCRATCH * SLABS * SLAB;
-    global float *part[SCRATCH];
-    for (int i = 0; i < SCRATCH; i++) part[i] = scratch + i * SLABS * SLAB;
+    const size_t worker = get_global_id(0), samples = worker * SLABS * SLAB, pixels = worker * SLAB;
     Tile tile = {
         .scene = {
+            .numbers = numbers,
             .vertices = vertices, .paths = paths, .meshes = meshes, .materials = materials,
-            .vertex_colors = vertex_colors, .uvs = uvs,
-            .normals = normals, .textures = textures, .texels = texels, .lights = lights,
-            .light_count = grid.light_count, .cameras = cameras, .slots = slots,
-            .filter = filter, .shutter = shutter, .seed = grid.seed,
-            .roll_start = grid.roll_start, .roll_step = grid.roll_step,
-            .roll_length = grid.roll_length
-        },
-#ifdef SHADOWS
-        .occluders = {world, paths, tree, leaves, leaf_nodes},
-        .shadow_lights = shadow_lights, .light_views = light_views, .shadow_map = shadow_map,
+            .vertex_colors = vertex_colors, .uvs = uvs, .normals = normals,
+            .textures = textures, .texels = texels, .lights = lights, .cameras = cameras,
+            .slots = slots, .filter = filter, .shutter = shutter,
+#ifdef CUBE_MAPS
+            .maps = maps, .map_texels = map_texels, .sky = sky, .mirror_planes = mirror_planes,
 #endif
+        },
         .bounds = bounds,
-        .reach_low = grid.reach_low, .reach_high = grid.reach_high,
-        .xs = part[0], .ys = part[1], .ts = part[2], .zs = part[3],
-        .owners = (global uint *)part[4], .us = part[5], .vs = part[6],
+        .reach_low = numbers.reach_low, .reach_high = numbers.reach_high,
+        .xs = sample_x + samples, .ys = sample_y + samples, .ts = sample_t + samples,
+        .us = sample_u + samples, .vs = sample_v + samples,
+        .zs = sample_depth + samples, .owners = sample_owner + samples,
+        .color = pixel_color + pixels, .depth = pixel_depth + pixels, .count = pixel_seen + pixels,
+#ifdef GLOSSY
+        .as = sample_a + samples, .bs = sample_b + samples,
+#endif
 #ifdef MIRRORS
-        .mirror_zs = part[7], .mirror_owners = (global uint *)part[8],
+        .mirror_zs = sample_mirror_depth + samples,
+        .mirror_owners = sample_mirror_owner + samples,
         .film = frame, .background = background,
 #endif
-#ifdef GLOSSY
-        .as = part[9], .bs = part[10],
+#ifdef WEIGHTED
+        .signed_color = pixel_signed_color + pixels, .signed_depth = pixel_signed_depth + pixels,
+        .sign_sum = pixel_signs + pixels,
 #endif
-        .color = pixels + (size_t)worker * PIXEL_VECTORS * SLAB
+#ifdef PATTERN_RGSS
+        .sample_colors = kept_color + SAMPLES * pixels,
+        .sample_depths = kept_depth + SAMPLES * pixels,
+#endif
+#ifdef SHADOWS
+        .occluders = {world, paths, tree, leaves, numbers.leaf_nodes},
+        .shadow_lights = shadow_lights, .light_views = light_views,
+#ifdef SHADOW_MAP
+        .shadow_map = shadow_map,
+#endif
+#endif
     };
 #ifdef SHADOWS
     tile.occluders.scene = &tile.scene;
-#endif
-#ifdef CUBE_MAPS
-    tile.scene.maps = maps, tile.scene.map_texels = map_texels;
-    tile.scene.sky = sky, tile.scene.sky_count = sky_count;
-    tile.scene.mirror_planes = mirror_planes;
-#endif
-    tile.depth = (global float *)(tile.color + SLAB);
-    tile.count = (global uint *)(tile.depth + SLAB);
-#ifdef WEIGHTED
-    tile.signed_color = tile.color + 2 * SLAB;
-    tile.signed_depth = (global float *)(tile.color + 3 * SLAB);
-    tile.sign_sum = tile.signed_depth + SLAB;
-#endif
-#ifdef PATTERN_RGSS
-    tile.sample_colors = tile.color + 2 * SLAB;
-    tile.sample_depths = (global float *)(tile.color + 6 * SLAB);
 #endif
     counters += worker * COUNTERS;
 
@@ -175,7 +171,7 @@ kernel void tile(
         tile.x_high = min(frame.x + frame.width - tile.x, TILE);
         tile.y_low = max(frame.y - tile.y, 0),
         tile.y_high = min(frame.y + frame.height - tile.y, TILE);
-        place_frame(&tile, grid);
+        place_frame(&tile);
         tile.members = members + starts[index];
         tile.member_count = starts[index + 1] - starts[index];
         render_tile(&tile, counters);

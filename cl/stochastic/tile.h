@@ -11,9 +11,8 @@
 // scene calls for: MOVING, LENS, SINGLE_SIDED, PHONG, METALLIC, EMISSION, POINT_LIGHTS,
 // SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, BLADES,
 // FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING, ROLLING_COLUMNS, TRANSLUCENT, ALPHA_VARIES,
-// VERTEX_ALPHA, SHADOWS (how many lights cast them), with SHADOW_MAP (texels along an edge),
-// SHADOW_STRATA and SHADOW_BIAS if they are looked up, MIRRORS, GLOSSY, ENVIRONMENT, SKY,
-// REFLECTIONS, STATISTICS.
+// VERTEX_ALPHA, SHADOWS (how many lights cast them), with SHADOW_MAP if they are looked up,
+// MIRRORS, GLOSSY, ENVIRONMENT, SKY, REFLECTIONS, STATISTICS. Other numbers are in `Numbers`.
 #ifndef MB_STOCHASTIC_TILE_H
 #define MB_STOCHASTIC_TILE_H
 
@@ -58,13 +57,6 @@ typedef struct {
 #else
 #define COUNT(tile, what, mask)
 #endif
-
-// The part of the frame that is rendered, and what lies behind everything.
-typedef struct {
-    int x, y;           // first pixel of the film in the frame
-    int width, height;
-    float background[3];
-} Frame;
 
 typedef struct {
     Scene scene;
@@ -152,7 +144,7 @@ static INLINED uint16 pixel_seeds(const Tile *tile, int block)
 {
     uint16 x = convert_uint16(convert_int16(block_x(block)) + tile->x);
     uint16 y = convert_uint16(convert_int16(block_y(block)) + tile->y);
-    return mix_lanes(x ^ mix_lanes(y ^ mix_bits(tile->scene.seed)));
+    return mix_lanes(x ^ mix_lanes(y ^ mix_bits(tile->scene.numbers.seed)));
 }
 
 // Place of a pixel of the tile among the samples of a slab.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 import time
+from collections.abc import Container
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.device import records
-from mbinterval.device.runtime import Runtime, seconds
+from mbinterval.device.programs import Program
+from mbinterval.device.runtime import DeviceArray, Runtime, seconds
 from mbinterval.film import Film
 from mbinterval.settings import Settings
 
@@ -56,32 +58,35 @@ class MeteredRuntime(Runtime):
         """The device's `copy_bandwidth`, measured when it is first asked for."""
         return copy_bandwidth(self)
 
-    def upload(self, array: NDArray[Any], what: str = "") -> Any:
+    def upload(self, kind: str, array: NDArray[Any], what: str = "") -> DeviceArray:
         """Upload as `Runtime.upload` does, and note the bytes."""
         self.uploaded[what] = max(self.uploaded.get(what, 0), array.nbytes)
         started = time.perf_counter()
-        buffer = super().upload(array, what)
+        uploaded = super().upload(kind, array, what)
         self.transferring += time.perf_counter() - started
-        return buffer
+        return uploaded
 
-    def download(self, buffer: Any, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    def download(self, array: DeviceArray, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         """Download as `Runtime.download` does, and note the seconds once the work is done."""
         self.finish()
         started = time.perf_counter()
-        array = super().download(buffer, shape, dtype)
+        found = super().download(array, shape, dtype)
         self.transferring += time.perf_counter() - started
-        return array
+        return found
 
-    def _build(self, source: str, file: str, options: tuple[str, ...]) -> Any:
+    def _build(self, source: str, file: str, options: tuple[str, ...]) -> Program:
         started = time.perf_counter()
         program = super()._build(source, file, options)
         self.building += time.perf_counter() - started
         return program
 
-    def allocate(self, nbytes: int, what: str = "") -> Any:
+    def allocate(
+        self, kind: str, count: int, what: str = "", active: Container[str] = ()
+    ) -> DeviceArray:
         """Allocate as `Runtime.allocate` does, and note the bytes."""
-        self.allocated[what] = max(self.allocated.get(what, 0), nbytes)
-        return super().allocate(nbytes, what)
+        made = super().allocate(kind, count, what, active)
+        self.allocated[what] = max(self.allocated.get(what, 0), made.nbytes)
+        return made
 
 
 def moved_bytes(meter: MeteredRuntime, film: Film, settings: Settings) -> int:
@@ -126,14 +131,14 @@ def copy_bandwidth(runtime: Runtime, rounds: int = 20) -> float:
     """
     share = _COPY_BYTES // _VECTOR_BYTES // runtime.workers
     size = share * runtime.workers * _VECTOR_BYTES
-    source, target = runtime.allocate(size, "copied"), runtime.allocate(size, "copy")
-    for buffer in (source, target):
-        runtime.fill(buffer, size)
-    kernel = runtime.kernel("shared/copy.cl", "copy")
-    took = [
-        seconds(runtime.run(kernel, runtime.workers, source, target, np.uint64(share)))
-        for _ in range(rounds)
-    ]
+    given = {
+        "from": runtime.allocate("float", size // 4, "copied"),
+        "to": runtime.allocate("float", size // 4, "copy"),
+    }
+    for array in given.values():
+        runtime.fill(array)
+    kernel, arguments = runtime.kernel("shared/copy.cl", "copy"), {**given, "share": share}
+    took = [seconds(runtime.run(kernel, runtime.workers, arguments)) for _ in range(rounds)]
     return float(2 * size / min(took))
 
 

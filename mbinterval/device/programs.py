@@ -8,6 +8,8 @@ import logging
 import os
 import threading
 import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from mbinterval.device.opencl import opencl, start
@@ -34,6 +36,18 @@ kernel void probe(global ulong *out)
 """
 
 
+Parameters = tuple[tuple[str, str], ...]
+"""What a kernel takes, in order: the name and the kind of each, such as ``Vertex*`` or ``uint``."""
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A program that is built, and what its kernels take, as they declare it themselves."""
+
+    program: Any
+    parameters: Mapping[str, Parameters]
+
+
 class Programs:
     """Programs of one context and device, each built once and shared between threads.
 
@@ -53,7 +67,7 @@ class Programs:
         self._compiled: dict[str, tuple[str, dict[str, bytes]]] = {}
         self.has_clang_builtins = self._probe_clang_builtins()
 
-    def build(self, source: str, file: str, options: tuple[str, ...]) -> Any:
+    def build(self, source: str, file: str, options: tuple[str, ...]) -> Program:
         """Return the program of ``source``, which messages call ``file``, built with ``options``.
 
         What it includes is looked for from the kernels' folder on.
@@ -66,7 +80,7 @@ class Programs:
             Where there is no room to compile in.
         """
         cl = opencl()
-        flags = ["-cl-std=CL1.2", "-I", include_folder(), *options]
+        flags = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", include_folder(), *options]
         if self.has_clang_builtins:
             flags.append("-DCLANG_BUILTINS")
         with _building:
@@ -81,7 +95,7 @@ class Programs:
                     f"with {' '.join(options)}:\n{log}"
                 ) from None
         if caught:
-            log = program.get_build_info(self._device, cl.program_build_info.LOG).strip()
+            log = program.program.get_build_info(self._device, cl.program_build_info.LOG).strip()
             # Some compilers tell of every step that went well.
             level = logging.WARNING if "warning:" in log.lower() else logging.DEBUG
             _log.log(level, "kernel file %s: %s\n%s", file, caught[0].message, log)
@@ -104,8 +118,7 @@ class Programs:
         try:
             with _building, warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                program = self._built(_PROBE, ["-cl-std=CL1.2"])
-                cl.Kernel(program, "probe")
+                self._built(_PROBE, ["-cl-std=CL1.2", "-cl-kernel-arg-info"])
         except cl.LogicError:
             return False  # Oclgrind compiles it, but knows no such instructions
         except cl.RuntimeError as error:
@@ -116,19 +129,20 @@ class Programs:
             ) from None
         return True
 
-    def _built(self, source: str, flags: list[str]) -> Any:
+    def _built(self, source: str, flags: list[str]) -> Program:
         key = self._key(source, flags)
         kept = self._store.load(key) if self._keeps else {}
         if self._run is not None:
-            return self._built_by_pocl(key, kept, source, flags)
+            return _with_parameters(self._built_by_pocl(key, kept, source, flags))
         if "binary" in kept:
             program = self._from_binary(kept["binary"])
-            if program is not None:
-                return program
-        program = self._from_source(source, flags)
+            if program is not None:  # of binaries drivers don't tell the parameters
+                return Program(program, json.loads(kept["parameters"]))
+        made = _with_parameters(self._from_source(source, flags))
         if self._keeps:
-            self._store.save(key, {"binary": program.binaries[0]})
-        return program
+            parameters = json.dumps(made.parameters).encode()
+            self._store.save(key, {"binary": made.program.binaries[0], "parameters": parameters})
+        return made
 
     def _built_by_pocl(
         self, key: str, kept: dict[str, bytes], source: str, flags: list[str]
@@ -177,3 +191,17 @@ class Programs:
             name_cpu(device), sorted(named.items()), source_digest(source), flags,
         )  # fmt: skip
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+def _with_parameters(program: Any) -> Program:
+    info = opencl().kernel_arg_info
+    return Program(
+        program,
+        {
+            kernel.function_name: tuple(
+                (kernel.get_arg_info(place, info.NAME), kernel.get_arg_info(place, info.TYPE_NAME))
+                for place in range(kernel.num_args)
+            )
+            for kernel in program.all_kernels()
+        },
+    )

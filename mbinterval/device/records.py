@@ -5,10 +5,35 @@ A test compiles a probe kernel that reports the sizes and offsets that the devic
 
 from __future__ import annotations
 
+from collections.abc import Container
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 _MAX_PLANES = 8
 
+NUMBERS = np.dtype(
+    [(name, "u4") for name in ("light_count", "static_paths", "path_count", "sky_count")]
+    + [("leaf_nodes", "u4"), ("roll_start", "f4"), ("roll_step", "f4"), ("roll_length", "f4")]
+    + [("shutter_keys", "u4"), ("seed", "u4"), ("width", "i4"), ("height", "i4")]
+    + [("samples", "i4"), ("layers", "i4"), ("filter_places", "i4"), ("filter_zero", "f4")]
+    + [("filter_mass", "f4"), ("reach_low", "f4"), ("reach_high", "f4"), ("blades", "i4")]
+    + [("blade_rotation", "f4"), ("moment", "f4"), ("shading_error", "f4")]
+    + [("shading_times", "i4"), ("anisotropy", "i4"), ("sample_spacing", "f4")]
+    + [("most_intervals", "i4"), ("event_steps", "i4"), ("shadow_size", "i4")]
+    + [("shadow_strata", "i4"), ("shadow_bias", "f4")]
+)
+_PLACED = [("x", "i4"), ("y", "i4")]
+TILE_GRID = np.dtype(
+    [*_PLACED, ("columns", "i4"), ("rows", "i4")]
+    + [("queued", "u4"), ("capacity", "u4"), ("event_capacity", "u4")]
+)
+LIST_GRID = np.dtype(
+    [*_PLACED, ("columns", "i4"), ("rows", "i4"), ("size", "i4"), ("paths", "u4"), ("chunk", "u4")]
+    + [(name, "f4") for name in ("x_low", "x_high", "y_low", "y_high")]
+)
+FRAME = np.dtype([*_PLACED, ("width", "i4"), ("height", "i4"), ("background", "f4", 3)])
 VERTEX = np.dtype([("x", "f8"), ("y", "f8"), ("w", "f8"), ("circle", "f8")])
 VERTEX_JOB = np.dtype([("input", "u4"), ("output", "u4"), ("count", "u4"), ("camera", "u4")])
 CAMERA = np.dtype(
@@ -93,10 +118,13 @@ SKY = np.dtype(
 )
 MIRROR_PLANE = np.dtype([("normal", "f4", 3), ("tangents", "f4", 6)])
 TREE_NODE = np.dtype([("low", "f4", 3), ("high", "f4", 3), ("open", "f4"), ("close", "f4")])
-SORTING = np.dtype(("V", 4 * 9))
-"""Scratch of the sort for one interval: nine words, in nine arrays (``SORT_ARRAYS``)."""
-ORDERING = np.dtype(("V", 4 * 5))
-"""Scratch of the envelope for one interval: five words, in five arrays (``ORDER_ARRAYS``)."""
+SORTING = np.dtype([("words", "f4", 9)])
+"""Scratch of the sort for one interval: a word in each of nine arrays."""
+ORDERING = np.dtype([("words", "f4", 5)])
+"""Scratch of the envelope for one interval: a word in each of five arrays."""
+PLACE = np.dtype([(name, "f4") for name in "xyuv"])
+GLOSSY_PLACE = np.dtype([(name, "f4") for name in "xyuvab"])
+"""The place of a sample where mirrors are glossy (``GLOSSY``)."""
 RUN = np.dtype([("start", "u4"), ("count", "u4")])
 
 NONE = 0xFFFFFFFF
@@ -110,6 +138,10 @@ MOST_PATHS = (1 << (32 - PART_BITS)) - 1
 """Most motion paths, and most vertices, that one exposure may have: indices have 32 bits."""
 
 BY_NAME = {
+    "Numbers": NUMBERS,
+    "TileGrid": TILE_GRID,
+    "ListGrid": LIST_GRID,
+    "Frame": FRAME,
     "Vertex": VERTEX,
     "VertexJob": VERTEX_JOB,
     "Camera": CAMERA,
@@ -138,6 +170,39 @@ BY_NAME = {
     "Sky": SKY,
     "MirrorPlane": MIRROR_PLANE,
     "TreeNode": TREE_NODE,
+    "Place": PLACE,
+    "Ordering": ORDERING,
+    "Sorting": SORTING,
     "Run": RUN,
 }
 """Every record by its name in ``records.h``."""
+
+_NUMBERS: dict[str, np.dtype[Any]] = {
+    **{"int": np.dtype("i4"), "uint": np.dtype("u4"), "ulong": np.dtype("u8")},
+    **{"float": np.dtype("f4"), "double": np.dtype("f8"), "float4": np.dtype(("f4", 4))},
+}
+
+
+_VARIANTS = {("Span", "SHADOWS"): SHADED_SPAN, ("Place", "GLOSSY"): GLOSSY_PLACE}
+
+
+def element(name: str, active: Container[str] = ()) -> np.dtype[Any]:
+    """Return the dtype of what the kernels call ``name``: a record, a number, or a vector.
+
+    Some records are larger where an effect is ``active``.
+    """
+    for (record, effect), dtype in _VARIANTS.items():
+        if record == name and effect in active:
+            return dtype
+    return BY_NAME[name] if name in BY_NAME else _NUMBERS[name]
+
+
+def pack(name: str, **values: Any) -> NDArray[np.void]:
+    """Return one record; a field that it does not have, and one that is left out, is an error."""
+    record = np.zeros(1, BY_NAME[name])
+    if values.keys() != set(record.dtype.names or ()):
+        wrong = sorted(values.keys() ^ set(record.dtype.names or ()))
+        raise TypeError(f"{name}: fields that it has not, or that are left out: {wrong}")
+    for field, value in values.items():
+        record[0][field] = value
+    return record

@@ -1,6 +1,8 @@
 // Stage "intervals" on lists that a test made.
 #include "analytic/intervals.cl"
 
+#define ROWS (LAYERS * TILE)
+
 kernel void intervals_tile(global const Path *paths, global const Shape *shapes,
                            global const Mesh *meshes, global const Material *materials,
                            global Fragment *fragments, global int *heads,

@@ -1,6 +1,8 @@
 // Stage "occlude" on sorted intervals that a test made.
 #include "analytic/occlude.cl"
 
+#define ROWS (LAYERS * TILE)
+
 kernel void occlude_tile(global Interval *sorted, global Run *runs, uint capacity,
                          global float *sorting, global Span *spans, global Run *span_runs,
                          global uint *result)

@@ -1,14 +1,14 @@
-// Places and weights of all samples of a tile, LAYERS being SAMPLES.
+// Places and weights of all samples of a tile.
 #include "analytic/place.cl"
 
-kernel void place_tile(global const Slot *slots, global const float *filter, uint seed, int x,
-                       int y, global Place *places, global float *weights)
+kernel void place_tile(global const Slot *slots, global const float *filter, Numbers numbers,
+                       int x, int y, global Place *places, global float *weights)
 {
     Tile tile;
-    tile.scene.slots = slots, tile.scene.filter = filter, tile.scene.seed = seed;
+    tile.scene.slots = slots, tile.scene.filter = filter, tile.scene.numbers = numbers;
     tile.x = x, tile.y = y, tile.layer = 0, tile.places = places;
 #ifdef WEIGHTED
     tile.weights = weights;
 #endif
-    place(&tile, ROWS);
+    place(&tile, numbers.samples * TILE);
 }

@@ -1,6 +1,8 @@
 // Lists of fragments of one tile, made from all paths.
 #include "analytic/rasterize.cl"
 
+#define ROWS (LAYERS * TILE)
+
 kernel void rasterize_tile(global const Vertex *vertices, global const Path *paths,
                            global const Shape *shapes, global const Slot *slots,
                            global const uint *members, uint member_count, int x, int y,
@@ -12,7 +14,7 @@ kernel void rasterize_tile(global const Vertex *vertices, global const Path *pat
     tile.scene.slots = slots;
     tile.x = x, tile.y = y, tile.layer = 0;
     tile.x_low = tile.y_low = 0, tile.x_high = tile.y_high = TILE;
-    tile.row_low = 0, tile.row_high = ROWS;
+    tile.row_low = 0, tile.row_high = tile.rows = ROWS;
     tile.members = members, tile.member_count = member_count, tile.static_count = 0;
     tile.capacity = capacity, tile.fragments = fragments, tile.heads = heads;
     result[0] = rasterize(&tile);

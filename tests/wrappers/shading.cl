@@ -19,13 +19,13 @@ kernel void lookups(global const float4 *texels, global const Texture *textures,
 
 #ifdef ANISOTROPY
 kernel void footprints(global const float4 *texels, global const Texture *textures,
-                       global const float *given, uint count, global float *colors)
+                       global const float *given, uint count, int most, global float *colors)
 {
     for (uint i = 0; i < count; i++) {
         global const float *g = given + 7 * i;
         Footprint f = {g[2], g[3], g[4], g[5]};
         Lanes u = g[0], v = g[1];
-        Colors found = texture_over(texels, textures[0], &u, &v, &f, g[6], 6);
+        Colors found = texture_over(texels, textures[0], &u, &v, &f, g[6], most, 6);
         vstore3((float3)(found.x.s5, found.y.s5, found.z.s5), i, colors);
     }
 }

@@ -1,6 +1,8 @@
 // Columns that walk_rows gives for every row of every tile, for every path.
 #include "analytic/walk.h"
 
+#define ROWS (LAYERS * TILE)
+
 kernel void walk(global const Shape *shapes, uint count, global const Slot *slots, int columns,
                  int rows, int width, int height, global int *first, global int *last)
 {

@@ -1,12 +1,8 @@
-// The part of the frame that is rendered, and what lies behind everything.
+// What lies behind everything.
 #ifndef MB_FILM_H
 #define MB_FILM_H
 
-typedef struct {
-    int x, y;           // first pixel of the film in the frame
-    int width, height;
-    float background[3];
-} Frame;
+#include "shared/records.h"
 
 // Colour with coverage over the background of the film's pixel `place`, if the film has one; an
 // environment is in the colour already.
