@@ -32,8 +32,8 @@ static int2 touched_columns(global const Shape *shape, ListGrid grid, int row)
 }
 
 // Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
-static void bin_chunk(global const Shape *shapes, global const uint *order, ListGrid grid, uint chunk,
-                      global uint *place, global uint *entries)
+static void bin_chunk(global const Shape *shapes, global const uint *order, ListGrid grid,
+                      uint chunk, global uint *place, global uint *entries)
 {
     uint begin = chunk * grid.chunk, end = min(begin + grid.chunk, grid.paths);
     for (uint i = begin; i < end; i++) {

@@ -125,7 +125,8 @@ static inline float filter_sign(const Tile *tile, float2 at)
 }
 #endif
 
-// Places, and weights that add up to their number in every pixel, of all samples of the current layers.
+// Places, and weights that add up to their number in every pixel, of all samples of the current
+// layers.
 static void place(Tile *tile, int rows)
 {
     for (int pixel = 0; pixel < TILE * TILE; pixel++) {

@@ -181,7 +181,8 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
     float total = 0.0f;
     for (bool more = true; more;) {
         Colors here;
-        if (!colors_along(tile, s, &v, span, level, places, &here) || !is_smooth(tile, &here, places)) {
+        if (!colors_along(tile, s, &v, span, level, places, &here)
+            || !is_smooth(tile, &here, places)) {
             refine(&places);
             continue;
         }

@@ -174,7 +174,8 @@ static uint count_static(const Tile *tile)
     uint low = 0, high = tile->member_count;
     while (low < high) {
         uint middle = (low + high) / 2;
-        if (tile->members[middle] < tile->scene.numbers.static_paths) low = middle + 1; else high = middle;
+        if (tile->members[middle] < tile->scene.numbers.static_paths) low = middle + 1;
+        else high = middle;
     }
     return low;
 }

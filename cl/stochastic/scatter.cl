@@ -150,8 +150,8 @@ static INLINED void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, L
     d->x = 0.125f + 0.25f * convert_float16((int16)(columns) >> 2 * place & 3);
     d->y = 0.125f + 0.25f * convert_float16(place);
     int16 quad_x = (x - (int)(l & 1u)) >> 1, quad_y = (y - (int)(l >> 1)) >> 1;
-    uint16 seed = mix_lanes(convert_uint16(quad_x) ^ mix_lanes(convert_uint16(quad_y)
-                                                               ^ mix_bits(tile->scene.numbers.seed + 7u)));
+    const uint frame = mix_bits(tile->scene.numbers.seed + 7u);
+    uint16 seed = mix_lanes(convert_uint16(quad_x) ^ mix_lanes(convert_uint16(quad_y) ^ frame));
     Lanes second = convert_float16(quad_x + quad_y & 1);
     d->t = 0.25f * ((float)l + 0.5f * (second + hashed(l, seed)));
 }
@@ -165,8 +165,9 @@ static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, La
                                      Drawn *d)
 {
     int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
-    uint16 quad = mix_lanes(convert_uint16(x >> 1) ^ mix_lanes(convert_uint16(y >> 1)
-                                                               ^ mix_bits(tile->scene.numbers.seed + 9u)));
+    const uint mixed_seed = mix_bits(tile->scene.numbers.seed + 9u);
+    uint16 quad = mix_lanes(convert_uint16(x >> 1)
+                            ^ mix_lanes(convert_uint16(y >> 1) ^ mixed_seed));
     uint16 mixed = mix_lanes(quad ^ l * 0x9e3779b9u);
     // One of the 24 orders of four: a turn, then one that keeps the first in place.
     uint16 k = convert_uint16(x & 1 | (y & 1) << 1);

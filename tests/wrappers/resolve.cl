@@ -1,7 +1,8 @@
 // Stage "resolve" of one tile whose sums a test made.
 #include "analytic/resolve.cl"
 
-kernel void resolve_tile(Numbers numbers, int x, int y, int x_low, int x_high, int y_low, int y_high,
+kernel void resolve_tile(Numbers numbers, int x, int y,
+                         int x_low, int x_high, int y_low, int y_high,
                          global float4 *color, global float *depth, global uint *count,
                          global const int *film, global const float *background,
                          global float4 *rgba, global float *out_depth, global uint *met)
