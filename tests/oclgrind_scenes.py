@@ -358,15 +358,16 @@ def suit_oclgrind() -> None:
     import pyopencl as cl
 
     from mbinterval.device.programs import Programs
-    from mbinterval.device.runtime import Runtime
+    from mbinterval.device.runtime import DeviceArray, Runtime
 
     plain = Programs._from_source
     Programs._from_source = lambda self, source, flags: plain(
         self, source, [*flags, "-cl-opt-disable", "-DINLINED=inline"]
     )
 
-    def fill(self: Runtime, buffer: object, nbytes: int, value: int = 0) -> None:
-        cl.enqueue_copy(self.queue, buffer, np.full(nbytes // 4, value, np.int32))
+    def fill(self: Runtime, array: DeviceArray, value: int = 0) -> None:
+        if array.nbytes:
+            cl.enqueue_copy(self.queue, array.buffer, np.full(array.nbytes // 4, value, np.int32))
 
     Runtime.fill = fill
 

@@ -194,14 +194,12 @@ class Programs:
 
 
 def _with_parameters(program: Any) -> Program:
-    info = opencl().kernel_arg_info
-    return Program(
-        program,
-        {
-            kernel.function_name: tuple(
-                (kernel.get_arg_info(place, info.NAME), kernel.get_arg_info(place, info.TYPE_NAME))
-                for place in range(kernel.num_args)
-            )
-            for kernel in program.all_kernels()
-        },
-    )
+    cl = opencl()
+    info, found = cl.kernel_arg_info, {}
+    for name in program.get_info(cl.program_info.KERNEL_NAMES).split(";"):
+        kernel = cl.Kernel(program, name)
+        found[name] = tuple(
+            (kernel.get_arg_info(place, info.NAME), kernel.get_arg_info(place, info.TYPE_NAME))
+            for place in range(kernel.num_args)
+        )
+    return Program(program, found)
