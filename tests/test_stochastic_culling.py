@@ -130,7 +130,7 @@ def differing(
             yield name
 
 
-@pytest.mark.parametrize("names", [USUAL, nightly(UNUSUAL)], ids=["usual", "unusual"])
+@pytest.mark.parametrize("names", [USUAL, nightly(tuple(SHOWN))], ids=["usual", "all"])
 def test_what_is_shown_is_seen_and_blurred(names):
     alpha = {name: boxed(name, "sobol").rgba[..., 3] for name in names}
     assert sum(a.any() for a in alpha.values()) > 0.95 * len(alpha)
@@ -249,7 +249,7 @@ def test_the_printed_bounds_lose_hits_that_the_corrected_ones_keep():
 @pytest.mark.parametrize(
     "culls",
     [tuple(cull for cull in EXACT if cull not in ("zmin", "zmax")), nightly(EXACT)],
-    ids=["those of each time", "all"],
+    ids=["daily", "all"],
 )
 def test_statistics_tell_the_methods_apart(culls):
     of, lens = random_scene(2), random_scene(3)
