@@ -81,10 +81,10 @@ AT_NIGHT = {
     *("exact, crowded", "exact, segments", "lens", "lens, behind the eye", "shutter", "rolling"),
     *("recorded, translucent", "translucent, layers", "translucent, pools grow"),
     *("mirrors", "mirrors, recorded", "mirrors, with shadows", "stochastic, mirrors"),
-    *("shadows, layers", "shadows, at rest", "triangulated, crowded"),
-    *("culling, zmax", "culling, zmin"),
+    *("shadows, layers", "shadows, at rest", "shadows, pools grow", "triangulated, crowded"),
+    *("accumulation", "culling, zmax", "culling, zmin"),
 }
-"""Scenes of what others have too, of which each has another part."""
+"""Whatever is compiled in for these is for others too."""
 assert set(SCENES) > AT_NIGHT
 
 
