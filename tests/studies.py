@@ -1,7 +1,5 @@
 """A small study for the tests of reports."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,17 +12,14 @@ from mbinterval.study.judge import Truth
 from mbinterval.study.reference import Reference
 from mbinterval.study.run import study
 from mbinterval.study.sweeps import SWEEPS as ALL
+from mbinterval.study.sweeps import Sweep
 
 SWEEPS = ("samples", "five-point", "samples-published", "occlusion", "stochastic-sobol", "slices")
 
 
-@contextmanager
-def fewer_rows() -> Iterator[None]:
-    """Sweeps have every second of their rows: most are a kernel to build."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, sweep in ALL.items():
-            patch.setitem(ALL, name, replace(sweep, rows=dict(list(sweep.rows.items())[::2])))
-        yield
+def with_rows(sweep: Sweep, step: int) -> Sweep:
+    """The sweep with one of ``step`` of its rows, from the first: most are a kernel to build."""
+    return replace(sweep, rows=dict(list(sweep.rows.items())[::step]))
 
 
 def small_study(folder: Path, **options):
@@ -48,5 +43,7 @@ def small_study(folder: Path, **options):
         ],
         centres=[Reference(centres, "slices=512", "accumulation", 2, 1.0)],
     )
-    with fewer_rows():
+    with pytest.MonkeyPatch.context() as patch:
+        for name in SWEEPS:
+            patch.setitem(ALL, name, with_rows(ALL[name], 3))
         return study(case, truth, folder=folder, **{"sweeps": SWEEPS, "rounds": 1, **options})

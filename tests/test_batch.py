@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import nightly
 from PIL import Image
 
 import mbinterval
@@ -230,7 +231,14 @@ def test_what_comes_of_other_files_is_rendered_again(batch, what):
 
 @pytest.mark.parametrize(
     "option",
-    ["--samples=2", "--width=41", "--crop=1,2,8,8", "--shutter=0,0.5", "--transparent", "--seed=1"],
+    [
+        nightly("--samples=2"),
+        "--width=41",
+        "--crop=1,2,8,8",
+        "--shutter=0,0.5",
+        "--transparent",
+        "--seed=1",
+    ],
 )
 def test_what_is_asked_for_differently_is_rendered_again(batch, option):
     batch(*BOTH)

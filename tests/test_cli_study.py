@@ -9,8 +9,11 @@ import time
 from pathlib import Path
 
 import pytest
+from nightly import nightly
+from studies import with_rows
 
 from mbinterval import cli
+from mbinterval.study.sweeps import SWEEPS
 
 CUBES = str(Path(__file__).parents[1] / "scenes" / "ho17_cubes.toml")
 SMALL = ("--width", "32", "--height", "24", "--rounds", "1", "--reference-error", "0.01")
@@ -23,7 +26,10 @@ def run(*arguments):
         return error.code
 
 
-def test_a_study_leaves_a_report_and_goes_on(tmp_path, capsys):
+@pytest.mark.parametrize(("step", "rows"), [(3, 4), nightly(1, 8)])
+def test_a_study_leaves_a_report_and_goes_on(tmp_path, capsys, monkeypatch, step, rows):
+    for name in ("slices-4", "limit"):
+        monkeypatch.setitem(SWEEPS, name, with_rows(SWEEPS[name], step))
     folder = tmp_path / "here"
     options = (CUBES, *SMALL, "--no-costs", "-o", folder, "--references", tmp_path / "references")
     assert run(*options, "--sweeps", "five-point,slices-4") == 0
@@ -33,7 +39,7 @@ def test_a_study_leaves_a_report_and_goes_on(tmp_path, capsys):
     assert len(list((tmp_path / "references").iterdir())) == 3
     err = capsys.readouterr().err
     assert "reference of point samples: 2 renders, error" in err
-    assert "1 of 8 rows, about" in err
+    assert f"1 of {rows} rows, about" in err
     first = json.loads((folder / "study.json").read_text())
     assert run(*options, "--sweeps", "five-point,slices-4,limit") == 0
     second = json.loads((folder / "study.json").read_text())

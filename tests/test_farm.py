@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 import pytest
+from nightly import nightly
 from test_batch_process import OPTIONS, ROOT, SCENE, finish, images, start
 
 from mbinterval.errors import UsageError
@@ -274,8 +275,17 @@ def test_a_file_that_changes_on_a_worker_between_check_and_reading_is_told_of(tm
     assert not images(tmp_path)
 
 
+IMPATIENT = """
+import distributed
+class Client(distributed.Client):
+    def __init__(self, *given, timeout, **more):
+        super().__init__(*given, timeout=1, **more)
+distributed.Client = Client
+"""
+
+
 def test_where_no_scheduler_answers_it_is_said(tmp_path):
-    code, said = finish(start(tmp_path, "--dask", "tcp://127.0.0.1:9"))
+    code, said = finish(start(tmp_path, "--dask", "tcp://127.0.0.1:9", before=IMPATIENT))
     assert code == 2
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in said
     assert "Traceback" not in said
@@ -310,7 +320,7 @@ def test_a_worker_makes_its_context_once_and_reads_a_scene_once(tmp_path, cluste
     assert len(scenes) == len(set(scenes)) == 2
 
 
-@pytest.mark.parametrize("before", [KILLED, FAILING], ids=["killed", "failing"])
+@pytest.mark.parametrize("before", [KILLED, nightly(FAILING)], ids=["killed", "failing"])
 def test_a_worker_that_is_lost_in_a_frame_costs_no_frame(tmp_path, undisturbed, before):
     """Killed while a kernel runs; or its device fails, which is injected at its queue."""
     folder, mark = tmp_path / "cluster", tmp_path / "mark"

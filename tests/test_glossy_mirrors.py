@@ -52,7 +52,7 @@ def half_plane(shear: float = SHEAR) -> Scene:
     ("values", "near"),
     [
         ({"samples": 256}, 1e-3),
-        ({"samples": 16, "pattern": "sobol"}, 6e-3),
+        nightly({"samples": 16, "pattern": "sobol"}, 6e-3),
         ({"method": "stochastic", "samples": 2048}, 2e-3),
         ({"method": "accumulation", "slices": 256, "samples": 4}, 4e-3),
     ],
@@ -149,6 +149,7 @@ LENS = Camera(position=(0, 0, 0), look_at=(0, 0, -1), focal_length=24.0, f_stop=
               focus_distance=6.0)  # fmt: skip
 
 
+@pytest.mark.nightly  # test_all_effects.py has these together with all others
 def test_through_a_lens_point_samples_agree_too():
     """And with shadows, whose rays share nothing with how they are solved in time."""
     lights = [*LIGHTS[:1], replace(LIGHTS[1], shadows=True)]
@@ -159,7 +160,7 @@ def test_through_a_lens_point_samples_agree_too():
     assert np.nanmax(np.abs(t) / bound) < 1.0
 
 
-@pytest.mark.parametrize("of", ["pinhole", "lens"])
+@pytest.mark.parametrize("of", ["lens", nightly("pinhole")])
 def test_what_culling_leaves_out_is_never_seen(of):
     made = scene(before_a_tilted_mirror(0.6), LIGHTS)
     made = made if of == "pinhole" else replace(made, camera=LENS)
@@ -168,7 +169,8 @@ def test_what_culling_leaves_out_is_never_seen(of):
     assert best.tobytes() == all_tested.tobytes()
 
 
-@pytest.mark.parametrize("tile", [8, nightly(32)])
+@pytest.mark.nightly  # which test_all_effects.py has for all effects together
+@pytest.mark.parametrize("tile", [8, 32])
 def test_tiles_and_their_lists_do_not_matter(tile):
     """What bounds sheared paths on screen leaves none out."""
     made = scene([replace(s, lit=False) for s in before_a_tilted_mirror(0.6)])

@@ -409,15 +409,16 @@ def test_denormal_vertices_are_as_good_as_zero():
     assert np.abs(films[0] - film(whole, "exact").rgba).max() > 0.1
 
 
-@pytest.mark.parametrize("seed", [3, nightly(4), nightly(5)])
-def test_depths_cross_where_exact_fractions_say_with_roots_at_the_ends_too(seed):
+@pytest.mark.parametrize(
+    ("seed", "count"), [(3, 200), nightly(3, 500), nightly(4, 500), nightly(5, 500)]
+)
+def test_depths_cross_where_exact_fractions_say_with_roots_at_the_ends_too(seed, count):
     """Quintics with small whole coefficients, many of them 0: the sign changes in (0, 1)."""
     rng = np.random.default_rng(seed)
-    coefficients = rng.integers(-3, 4, (500, 6)).astype(float)
+    coefficients = rng.integers(-3, 4, (count, 6)).astype(float)
     coefficients[::5, 0] = 0.0
     coefficients[::7, 5] = 0.0
-    count = np.uint32(len(coefficients))
-    arrays = [coefficients, count, np.zeros((count, 5)), np.zeros(count, np.int32)]
+    arrays = [coefficients, np.uint32(count), np.zeros((count, 5)), np.zeros(count, np.int32)]
     *_, roots, counts = run("quintic.cl", "quintics", arrays)
     total = 0
     for b, found, number in zip(coefficients, roots, counts, strict=True):
@@ -425,7 +426,7 @@ def test_depths_cross_where_exact_fractions_say_with_roots_at_the_ends_too(seed)
         assert number == len(want), b
         assert np.abs(found[:number] - want).max(initial=0.0) < 2e-9, b
         total += number
-    assert total > 300
+    assert total > 0.6 * count
 
 
 def sign_changes_inside(b: list[Fraction]) -> list[float]:

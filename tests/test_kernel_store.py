@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import resource
 import shutil
@@ -12,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from nightly import nightly
 from processes import mbinterval, python, renderer
 
 from mbinterval.device import kernel_store
@@ -137,7 +139,7 @@ def test_kernels_are_compiled_once_and_damaged_ones_again(tmp_path):
     assert render(environment=cache).stderr == ""
 
 
-@pytest.mark.parametrize("place", ["below a file", "full", "read-only", "noexec"])
+@pytest.mark.parametrize("place", ["full", "noexec", nightly("below a file"), nightly("read-only")])
 def test_a_cache_that_cannot_be_used_is_left_out_with_one_line(tmp_path, mount, place):
     """Where mounting is refused, below a regular file stands in: root can't write there either."""
     folder = tmp_path / "cache"
@@ -403,8 +405,15 @@ print(children[0] if not used else job(0), len(children), children[0] == job(0))
 """
 
 
-@pytest.mark.parametrize("way", ["pool", "executor", "bare"])
-@pytest.mark.parametrize("before", ["rendered", "listed", "unused"])
+WAYS = ("pool", "executor", "bare")
+BEFORE = ("unused", "rendered", "listed")
+EACH_ONCE = tuple(zip(WAYS, BEFORE, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("way", "before"),
+    [case if case in EACH_ONCE else nightly(*case) for case in itertools.product(WAYS, BEFORE)],
+)
 def test_a_forked_child_renders_or_says_at_once_to_spawn(way, before):
     used = "unused" if before == "unused" else "used"
     run = python("-W", "ignore::DeprecationWarning", "-c", FORK, way, used, before, timeout=120)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import nightly
 from test_capacity import stack
 
 import mbinterval as mb
@@ -119,7 +120,9 @@ def limited(memory: int, *what: int) -> tuple[str, int]:
     return digest, int(memory)
 
 
-@pytest.mark.parametrize("what", [(6, 1, 320, 240), (100, 1, 2560, 1440)], ids=["faces", "film"])
+@pytest.mark.parametrize(
+    "what", [(6, 1, 320, 240), nightly((100, 1, 2560, 1440))], ids=["faces", "film"]
+)
 def test_the_memory_that_a_refusal_asks_for_suffices_and_is_not_exceeded(what):
     free, _ = limited(0, *what)
     refusal, _ = limited(2**20, *what)
@@ -162,7 +165,7 @@ def test_a_program_that_is_larger_than_what_is_allowed_is_said():
             mb.render(scene, width=8, height=8, memory=wrong)
 
 
-@pytest.mark.parametrize("paths", ["exact", "triangulated"])
+@pytest.mark.parametrize("paths", ["exact", nightly("triangulated")])
 def test_pools_are_as_many_and_as_large_as_memory_allows(paths, monkeypatch):
     """On a device with 64 threads pools take 400 MiB; with less memory the bytes are the same."""
     scene, _, _ = stack(2000)

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from environments import environment, smooth
-from nightly import nightly
+from nightly import nightly_but
 
 import mbinterval as mb
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene
@@ -65,7 +65,7 @@ def film(of: Scene, **values: object) -> np.ndarray:
     return np.asarray(rgba, np.float64)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", nightly_but(METHODS, "analytic"))
 def test_a_floor_shows_what_is_seen_from_below_it(method):
     values = METHODS[method]
     seen = things() if method == "analytic" else things()[:1]  # slices see glass by chance
@@ -108,7 +108,8 @@ def test_a_glossy_floor_shows_the_mean_over_its_disc():
     assert np.abs(found[..., :3] - expected(0.15)).max() > 0.05
 
 
-@pytest.mark.parametrize("shear", [0.3, nightly(0.0)])
+@pytest.mark.nightly  # test_all_effects.py has these together with all others
+@pytest.mark.parametrize("shear", [0.3, 0.0])
 def test_point_samples_see_the_same_in_mirrors(shear):
     """By blocks of pixels, over repeated seeds; what is a little turned is told apart."""
     of, repeats = scene([floor(shear), *things()], camera()), 12

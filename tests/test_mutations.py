@@ -23,7 +23,7 @@ from mutation_runner import LIMIT
 from mbinterval.film import Film
 
 ROOT = Path(__file__).parent.parent
-COUNT = int(os.environ.get("MB_MUTATIONS", "100"))
+COUNT = int(os.environ.get("MB_MUTATIONS", "60"))
 REFUSED = {2, 3, 5}
 """Exit codes for bad settings, a bad scene, and one that is too large."""
 CRASHES = {-signal.SIGSEGV, -signal.SIGBUS, -signal.SIGABRT}

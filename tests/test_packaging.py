@@ -150,6 +150,7 @@ def test_the_installed_package_is_typed_and_lists_devices(installed, tmp_path):
 
 
 @pytest.mark.install
+@pytest.mark.nightly  # as the environment of the tests is one
 def test_an_editable_install_uses_the_kernels_of_the_checkout(tmp_path):
     checkout = tmp_path / "checkout"
     for name in ("mbinterval", "cl"):

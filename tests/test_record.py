@@ -102,7 +102,7 @@ def test_what_spans_add_is_the_films_colour_and_alpha(way):
     assert (most < 1 + 1e-5).all()
 
 
-@pytest.mark.parametrize("way", ["exact", "rolling, with a curve"])
+@pytest.mark.parametrize("way", ["exact", nightly("rolling, with a curve")])
 def test_spans_in_parts_leave_the_others_and_the_film_as_they_are(way):
     meshes, settings, scene = WAYS[way]
     plain = film(meshes(), **scene)

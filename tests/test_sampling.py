@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA, world
+from nightly import nightly
 from places import places, within
 from reference.render import render as twin
 
@@ -207,7 +208,7 @@ def converged() -> np.ndarray:
 CROP = (17, 3, 12, 10)
 
 
-@pytest.mark.parametrize("pattern", ["fixed", "sobol"])
+@pytest.mark.parametrize("pattern", ["sobol", nightly("fixed")])
 def test_four_times_the_samples_halve_the_error_over_the_pixel(pattern):
     errors = []
     for count in (1, 4, 16, 64):

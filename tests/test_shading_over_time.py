@@ -138,7 +138,7 @@ def test_texels_that_rush_by_in_great_number_come_to_their_mean():
 
 
 @pytest.mark.parametrize(
-    "name", ["texture", "everything", nightly("vertex colour"), nightly("phong")]
+    "name", ["texture", nightly("everything"), nightly("vertex colour"), nightly("phong")]
 )
 def test_random_scenes_come_to_those_of_a_thousand_times(name):
     of, settings = case_of(name, 1)
@@ -159,7 +159,7 @@ def shot_like(of: Scene, settings: mb.Settings) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("name", "most"), [("textured", 2e-3), ("vertices", 2e-4), ("tested", 0.015)]
+    ("name", "most"), [("vertices", 2e-4), ("tested", 0.015), nightly("textured", 2e-3)]
 )
 def test_stacks_whose_alpha_varies_come_to_those_of_a_thousand_times(name, most):
     of, settings = made(name, 1)
@@ -170,7 +170,8 @@ def test_stacks_whose_alpha_varies_come_to_those_of_a_thousand_times(name, most)
         assert np.abs(blended_twin(of, settings).rgba - truth).max() > 2.0 * most
 
 
-@pytest.mark.parametrize("tile", [8, nightly(32)])
+@pytest.mark.nightly  # which test_all_effects.py has for all effects together
+@pytest.mark.parametrize("tile", [8, 32])
 def test_two_renders_and_any_tiles_give_the_same_bytes(tile):
     of = scene([sliding(stripes(48), 9.0), *turning(0.5, 50.0).meshes])
     of = replace(of, lights=(TOWARDS_VIEW,))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from closed_forms import FACES, UNIT_CAMERA, slab_times, world
 from kernels import plan_of, render_with
-from nightly import nightly
+from nightly import nightly, nightly_but
 from reference.shadows import over_time
 from shadow_scenes import ALL, AMBIENT, CAMERA, CASES, LAMP, MATT, SPOT, SUN, plate, scene, solid
 from shadow_scenes import turning as turned
@@ -70,8 +70,8 @@ def unshaded(light: Light) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("name", "opacity"),
-    [*((name, 1.0) for name in FORMS), ("directional", 0.25),
-     *(nightly(name, 0.25) for name in FORMS if name != "directional")],
+    [*((name, 1.0) for name in FORMS if name != "point"), nightly("point", 1.0),
+     ("directional", 0.25), *(nightly(name, 0.25) for name in FORMS if name != "directional")],
 )  # fmt: skip
 def test_a_slab_that_passes_a_light_hides_it_for_its_exact_time(name, opacity):
     light, _, (left, speed) = FORMS[name]
@@ -136,9 +136,9 @@ def alpha_along(kind: str, u: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [("point", "blended"), ("point", "tested"), ("directional", "vertices"),
+    [("point", "blended"), ("point", "tested"), ("point", "vertices"),
      nightly("directional", "blended"), nightly("directional", "tested"),
-     nightly("point", "vertices")],
+     nightly("directional", "vertices")],
 )  # fmt: skip
 def test_alpha_that_varies_dims_the_light_as_it_passes(name, kind):
     """A texture's bars run over the wall; exactly in time but for half a texel here and there."""
@@ -171,13 +171,10 @@ def test_rays_of_point_samples_meet_alpha_that_varies(kind):
     assert np.abs((share - exact / np.where(lit, free, 1.0))[rows].mean(axis=0)).max() < 0.02
 
 
-OF_THEIR_OWN = ("static on static", "casters behind the light and around it")
-"""Cases for which no kernel is built that others use."""
+AT_NIGHT = ("static on static", "both", "a turning sphere with smooth normals")
 
 
-@pytest.mark.parametrize(
-    "name", [nightly(name) if name in OF_THEIR_OWN[:1] else name for name in CASES]
-)
+@pytest.mark.parametrize("name", [nightly(name) if name in AT_NIGHT else name for name in CASES])
 def test_shadows_are_those_of_rays_at_many_times(name):
     size, times = (16, 12), 192
     segments = 8 if "camera" in name else 1  # the twin sees a surface where it is in the world
@@ -212,9 +209,7 @@ EFFECTS = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [nightly(name) if name in OF_THEIR_OWN else name for name in (*CASES, *EFFECTS)]
-)
+@pytest.mark.parametrize("name", nightly_but((*CASES, *EFFECTS), "both", "rolling shutter"))
 def test_rays_of_point_samples_agree(name):
     """By blocks of pixels, over repeated seeds; a caster that is late is told apart."""
     of = CASES[name if name in CASES else "both"]()
@@ -238,8 +233,12 @@ def test_rays_of_point_samples_agree(name):
 
 
 @pytest.mark.parametrize("kind", ["box", "sphere"])
-@pytest.mark.parametrize("method", ["analytic", "stochastic"])
-def test_a_convex_body_that_turns_has_no_acne(kind, method):
+@pytest.mark.parametrize(
+    ("method", "degrees", "bound"),
+    [("analytic", 70.0, 1e-3), ("stochastic", 70.0, 1e-3), ("analytic", 0.0, 1e-6),
+     nightly("stochastic", 0.0, 1e-6)],
+)  # fmt: skip
+def test_a_convex_body_that_turns_has_no_acne(kind, method, degrees, bound):
     """It never hides a light from a face that is turned to it: shadows change nothing.
 
     At the moment at which a face turns to the light they are more exact than its normal, which is
@@ -247,11 +246,10 @@ def test_a_convex_body_that_turns_has_no_acne(kind, method):
     """
     body = replace(solid(kind, material=MATT), normals=None)
     values = {"method": method, "motion_segments": 3, "samples": 1 if method == "analytic" else 64}
-    for degrees, bound in ((70.0, 1e-3), (0.0, 1e-6)):
-        of = scene(turned(body, degrees), lights=(SUN, LAMP, SPOT))
-        found, free = film(of, **values), film(of, shadows="off", **values)
-        assert free[..., 0].max() > 0.5
-        assert np.abs(found - free).max() < bound
+    of = scene(turned(body, degrees), lights=(SUN, LAMP, SPOT))
+    found, free = film(of, **values), film(of, shadows="off", **values)
+    assert free[..., 0].max() > 0.5
+    assert np.abs(found - free).max() < bound
 
 
 @pytest.mark.parametrize("method", ["analytic", "stochastic"])
@@ -284,7 +282,8 @@ def contents(of: Scene, **values: object) -> bytes:
     return mb.render(of, width=40, height=30, settings=settings).rgba.tobytes()
 
 
-@pytest.mark.parametrize("tile", [8, nightly(32)])
+@pytest.mark.nightly  # which test_all_effects.py has for all effects together
+@pytest.mark.parametrize("tile", [8, 32])
 def test_any_tile_and_a_crop_give_the_same_bytes(tile):
     of = CASES["a turning box shades itself and the floor"]()
     first = contents(of)
@@ -348,7 +347,7 @@ def test_triangulated_paths_refuse_shadows():
 
 def test_masks_see_shadows_too():
     of = CASES["moving caster on static receiver"]()
-    exact, masked = film(of), film(of, occlusion=1024)
+    exact, masked = film(of), film(of, occlusion=256)
     assert np.sqrt(np.mean((exact - masked) ** 2)) < 1e-3
     assert np.sqrt(np.mean((exact - film(of, shadows="off")) ** 2)) > 0.05
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_forms import rectangle, scene, slab
+from nightly import nightly
 from test_determinism import busy_scene
 
 import mbinterval as mb
@@ -20,7 +21,7 @@ def film(of: mb.Scene, crop: tuple[int, int, int, int] | None = None, **values: 
     return mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings, crop=crop)
 
 
-@pytest.mark.parametrize("paths", ["exact", "triangulated"])
+@pytest.mark.parametrize("paths", ["exact", nightly("triangulated")])
 def test_it_is_the_rule_applied_to_the_centres(paths):
     centre = film(busy_scene(), filter="box", transparent=True, paths=paths)
     c = np.pad(centre.rgba.astype(np.float64), ((1, 1), (1, 1), (0, 0)), mode="edge")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from closed_forms import FACES, UNIT_CAMERA, rectangle, slab, slab_times, world
 from kernels import plan_of, run
-from nightly import nightly
+from nightly import nightly, nightly_but
 from places import places
 from reference import exact
 from reference.paths import Paths, paths_of
@@ -147,7 +147,7 @@ def test_each_line_of_a_rolling_shutter_has_its_own_window(direction, curve):
     assert np.abs(image - render(panned(together))).max() > 0.05
 
 
-@pytest.mark.parametrize("occlusion", [128, "exact"])
+@pytest.mark.parametrize("occlusion", [128, nightly("exact")])
 def test_triangulated_paths_roll_too(occlusion):
     rolling = Shutter(open=-0.1, rolling="down", **ROLL)
     both = [
@@ -158,7 +158,11 @@ def test_triangulated_paths_roll_too(occlusion):
 
 @pytest.mark.parametrize(
     "shutter",
-    [Shutter(curve="triangle"), Shutter(rolling="left", **ROLL), Shutter(curve=(1.0, 0.0, 1.0))],
+    [
+        nightly(Shutter(curve="triangle")),
+        Shutter(rolling="left", **ROLL),
+        Shutter(curve=(1.0, 0.0, 1.0)),
+    ],
 )
 def test_what_does_not_move_does_not_care_about_the_shutter(shutter):
     still = replace(panned(Shutter()), camera=UNIT_CAMERA)
@@ -228,7 +232,7 @@ CAMERAS = {
 
 
 @pytest.mark.parametrize("near", [1.0, -0.5], ids=["ahead", "behind the eye too"])
-@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("name", nightly_but(CAMERAS, "round", "five blades"))
 def test_films_are_the_mean_of_sheared_pinholes_at_the_same_points_of_the_lens(name, near):
     camera, rng = CAMERAS[name], np.random.default_rng(3)
     middle = rng.uniform((-2, -2), (18, 14), (2, 10, 1, 2)) + rng.normal(0, 5, (2, 10, 3, 2))
@@ -263,7 +267,7 @@ def test_films_are_the_mean_of_sheared_pinholes_at_the_same_points_of_the_lens(n
 EDGES = {"vertical": (-200, 12.3, -200, 200), "horizontal": (-200, 200, -200, 8.3)}
 
 
-@pytest.mark.parametrize("pattern", ["fixed", "sobol"])
+@pytest.mark.parametrize("pattern", ["sobol", nightly("fixed")])
 @pytest.mark.parametrize("edge", EDGES)
 def test_noise_of_the_lens_falls_faster_than_with_independent_samples(edge, pattern):
     """An edge with a circle of confusion of 2.2 px; pixels along it differ by their samples alone.
@@ -342,7 +346,8 @@ def test_time_stays_exact_through_a_lens():
     assert image[5, :, 3] == pytest.approx(t1 - t0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("seed", "tile"), [(0, 8), nightly(1, 32)])
+@pytest.mark.nightly  # which test_all_effects.py has for all effects together
+@pytest.mark.parametrize(("seed", "tile"), [(0, 8), (1, 32)])
 def test_lenses_and_scattered_samples_give_the_same_bytes_in_any_tiles_and_crops(seed, tile):
     scene = replace(panned(Shutter(curve="triangle", rolling="up", **ROLL)), camera=LENS)
     moving = [

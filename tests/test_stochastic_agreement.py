@@ -105,13 +105,17 @@ def slope(of: Scene, truth: np.ndarray, pattern: str) -> float:
     return float(np.polyfit(np.log(counts), np.log(errors), 1)[0])
 
 
-def test_random_samples_converge_by_the_square_root_and_stratified_ones_faster(truth):
+@pytest.mark.parametrize(
+    ("pattern", "low", "high"),
+    [("random", -0.54, -0.46), nightly("jittered", -1.0, -0.55), ("sobol", -1.0, -0.65)],
+)
+def test_random_samples_converge_by_the_square_root_and_stratified_ones_faster(
+    pattern, low, high, truth
+):
     of = CASES[NAMED].make()
-    slopes = {p: slope(of, truth, p) for p in ("random", "jittered", "sobol")}
-    assert slopes["random"] == pytest.approx(-0.5, abs=0.04)
-    assert slopes["jittered"] < -0.55
-    assert slopes["sobol"] < -0.65
-    assert error(of, truth, 32, "sobol") < 0.6 * error(of, truth, 32, "random")
+    assert low < slope(of, truth, pattern) < high
+    if pattern == "sobol":
+        assert error(of, truth, 32, "sobol") < 0.6 * error(of, truth, 32, "random")
 
 
 @pytest.mark.parametrize("pattern", ["sobol", "jittered", "fixed", "interleave_uvt"])
@@ -135,7 +139,7 @@ SLICES = {"method": "accumulation", "slices": 4}
     [
         ("gaussian", {"pattern": "sobol"}),
         ("triangle", {"pattern": "random"}),
-        ("mitchell", {"pattern": "interleave_uvt"}),
+        nightly("mitchell", {"pattern": "interleave_uvt"}),
         nightly("triangle", {"pattern": "sobol"}),
         nightly("mitchell", {"pattern": "sobol"}),
         nightly("mitchell", {"pattern": "jittered"}),
@@ -209,7 +213,7 @@ def welch(a: tuple, b: tuple, counts: tuple[int, int]) -> tuple[np.ndarray, np.n
     return t, z + more + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * degrees**2)
 
 
-@pytest.mark.parametrize("lens", [False, True])
+@pytest.mark.parametrize("lens", [True, nightly(False)])
 def test_nets_agree_with_exact_time_pixel_by_pixel_and_a_late_shutter_does_not(lens):
     of = CASES[NAMED].make()
     of = with_small_lens(of) if lens else of

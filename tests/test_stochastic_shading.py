@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from closed_forms import FACES, UNIT_CAMERA, rectangle, world
+from nightly import nightly
 
 import mbinterval as mb
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Texture
@@ -88,6 +90,7 @@ def test_motion_comes_to_the_analytic_film():
         assert errors[1] < 0.35 * errors[0], kind
 
 
+@pytest.mark.nightly  # test_all_effects.py has these together with all others
 def test_a_lens_and_light_come_to_the_analytic_film():
     camera = replace(UNIT_CAMERA, f_stop=0.1, focus_distance=1.9)
     scene = Scene(meshes=[shiny(11.0), textured(-7.0)], camera=camera, lights=LIGHTS)
@@ -116,11 +119,11 @@ def test_a_camera_that_turns_sees_light_where_the_analytic_method_does():
     assert np.abs(found - truth).max() < 5e-3
 
 
-def test_linear_colour_is_the_same_shaded_once_per_pixel_and_triangle():
-    for mesh in (colored(0.0), colored(9.0)):
-        each = film(mesh, method="stochastic", samples=16)
-        once = film(mesh, method="stochastic", samples=16, shading_rate="pixel")
-        assert np.abs(once - each).max() < 1e-5
+@pytest.mark.parametrize("speed", [9.0, nightly(0.0)])
+def test_linear_colour_is_the_same_shaded_once_per_pixel_and_triangle(speed):
+    each = film(colored(speed), method="stochastic", samples=16)
+    once = film(colored(speed), method="stochastic", samples=16, shading_rate="pixel")
+    assert np.abs(once - each).max() < 1e-5
 
 
 def test_textures_are_not():

@@ -7,7 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from studies import fewer_rows
+from nightly import nightly
+from studies import with_rows
 
 import mbinterval as mb
 from mbinterval.bench_cases import make_case
@@ -65,17 +66,25 @@ def rms(difference):
     return float(np.sqrt(np.mean(np.square(difference, dtype=float))))
 
 
+@pytest.fixture(scope="module", params=[3, nightly(2)], ids=["few rows", "more rows"])
+def step(request):
+    """Sweeps have one of so many of their rows."""
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(step, tmp_path_factory):
     return tmp_path_factory.mktemp("study")
 
 
 @pytest.fixture(scope="module")
-def result(folder):
+def result(step, folder):
     told = []
     names = ("samples", "occlusion", "occlusion-published", "stochastic-fixed", "slices")
     names += FEW
-    with fewer_rows():
+    with pytest.MonkeyPatch.context() as patch:
+        for name in names:  # films of 16 samples and 256 judge those of others
+            patch.setitem(SWEEPS, name, with_rows(SWEEPS[name], 2 if name == "samples" else step))
         found = study(
             case(), truth(), sweeps=names, costs=False, rounds=1, folder=folder,
             progress=lambda *so_far: told.append(so_far),
@@ -109,8 +118,9 @@ def test_errors_are_those_of_the_renders(result):
 def test_temporal_error_is_apart_from_the_full_pixels(result):
     """Of one exact sample time is next to nothing; of masks and triangulated paths it is more."""
     exact, published = rows_of(result, "occlusion"), rows_of(result, "occlusion-published")
+    few, many = sorted(exact.keys() - {"exact"})[:2]
     assert exact["exact"]["temporal"] < 0.2 * exact["exact"]["rmse"]
-    assert exact["exact"]["temporal"] < exact[256]["temporal"] < 0.6 * exact[64]["temporal"]
+    assert exact["exact"]["temporal"] < exact[many]["temporal"] < 0.6 * exact[few]["temporal"]
     assert exact["exact"]["temporal"] < 0.5 * published["exact"]["temporal"]
 
 
@@ -192,7 +202,8 @@ def test_it_is_stored_as_json_and_csv_with_films_of_rows_that_differ_in_a_count(
         assert float(line["rmse"]) == row["rmse"]
         assert float(line["median"]) == row["median"]
     pictured = [row for row in stored if "film" in row]
-    assert {row["name"] for row in pictured} >= {"exact, samples 16", "five-point"}
+    counted = {row["name"] for row in result["sweeps"]["samples"]["rows"]}
+    assert {row["name"] for row in pictured} >= {*counted, "five-point"}
     assert not any(row["name"].startswith("exact masked") for row in pictured)
     for row in pictured:
         film = mb.Film.read(folder / row["film"])
@@ -212,6 +223,8 @@ def test_a_study_that_was_stopped_goes_on(tmp_path, monkeypatch):
 
     measure = module.measure
     monkeypatch.setattr(module, "measure", counted)
+    for name in FEW:
+        monkeypatch.setitem(SWEEPS, name, with_rows(SWEEPS[name], 3))
     options = {"sweeps": FEW, "costs": False, "rounds": 1, "folder": tmp_path}
     with pytest.raises(KeyboardInterrupt):
         study(case(), truth(), **options)

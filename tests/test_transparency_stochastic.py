@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from nightly import nightly, nightly_but
+from nightly import nightly_but
 from test_hard_cases import CASES, SIZE
 from test_stochastic_agreement import SAMPLES, SEEDS, analytic, critical, late, stochastic
 from test_transparency import CASES as KINDS
@@ -75,7 +75,7 @@ def test_what_is_wrong_is_rejected(wrong, sampled, expected):
     assert np.nanmax(np.abs(z)) > critical(sigma)
 
 
-@pytest.mark.parametrize("cull", nightly_but(CULLS, "zmax_strata", "best"))
+@pytest.mark.parametrize("cull", nightly_but(CULLS, "best"))
 def test_every_culling_method_gives_the_same_film(cull):
     of, _ = made("everything", 3)
     settings = mb.Settings(method="stochastic", samples=16, cull="bbox")
@@ -101,7 +101,7 @@ def rms(error: np.ndarray) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-@pytest.mark.parametrize("way", [nightly(way) if way == "everything" else way for way in WAYS])
+@pytest.mark.parametrize("way", nightly_but(WAYS, "tested", "lens"))
 def test_alpha_that_varies_agrees(way):
     name, fields = WAYS[way]
     meshes = KINDS[name].meshes(np.random.default_rng(8))

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 import oclgrind_scenes
 import pytest
+from nightly import nightly
 from processes import python
 
 from mbinterval.device.choose import choose_device
@@ -114,7 +115,7 @@ def options_of(scene: str) -> tuple[str, ...]:
     return oclgrind_scenes.plan_of(oclgrind_scenes.SCENES[scene])[2].options if scene else ()
 
 
-@pytest.mark.parametrize("cpu", ["haswell", "penryn"])
+@pytest.mark.parametrize("cpu", ["penryn", nightly("haswell")])
 def test_compiling_for_narrower_registers_says_nothing(cpu):
     """Of PoCL 3.0, which can be told of another CPU; other devices compile for their own."""
     if "PoCL 3.0" not in choose_device().platform.version:

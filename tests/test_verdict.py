@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nightly import nightly
 from scipy import stats
 
 from mbinterval.distributions import fisher_above, holm, student_two_sided
@@ -66,8 +67,9 @@ MOST = int(stats.binom.ppf(0.999, TRIALS, LEVEL))  # false alarms that the level
 
 @pytest.mark.parametrize(
     ("samples", "repeats", "other", "shared"),
-    [(1, 16, None, False), (16, 16, None, False), (256, 8, None, False), (16, 16, 16, False),
-     (64, 4, 32, False), (16, 16, None, True), (4, 64, None, False)],
+    [(1, 16, None, False), nightly(16, 16, None, False), (256, 8, None, False),
+     (16, 16, 16, False), nightly(64, 4, 32, False), (16, 16, None, True),
+     nightly(4, 64, None, False)],
 )  # fmt: skip
 def test_false_alarms_are_no_more_than_the_level(coverage, samples, repeats, other, shared):
     """Also for events that are rarer than samples, where the estimated variance is 0."""
@@ -100,7 +102,7 @@ def test_without_the_allowance_for_rare_events_the_level_would_not_hold(coverage
     assert alarms > 5
 
 
-@pytest.mark.parametrize("size", [1, 8, SIZE[1]])
+@pytest.mark.parametrize("size", [nightly(1), 8, nightly(SIZE[1])])
 def test_a_difference_as_large_as_stated_is_found_nine_times_of_ten(size):
     """And one of a tenth of it hardly ever."""
     sigma, found, small = 0.02, 0, 0
