@@ -53,7 +53,7 @@ names = {names!r}
 count = dict.fromkeys(names, 0)
 def run(self, kernel, *arguments, real=Runtime.run):
     name = next((n for n in names if n in self.device.name), None)
-    if name is not None and kernel.function_name == "tile":
+    if name is not None and kernel.name == "tile":
         count[name] += 1
         if {after} < count[name] <= {until}:
             raise {error}
