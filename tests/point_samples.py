@@ -9,7 +9,7 @@ from kernels import numbers, run
 from reference.paths import needs_attributes
 from reference.point_samples import Drawn, nearest_paths
 
-from mbinterval.plan import shutter_keys
+from mbinterval.plan import sampling_numbers, shutter_keys
 from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
 from mbinterval.stochastic_plan import sample_count
@@ -24,7 +24,8 @@ def drawn_in_tile(plan: Any, exposure: Exposure, x: int, y: int) -> Drawn:
     table = np.zeros(1) if shape is None else shape.table
     arrays = [np.zeros(count * TILE * TILE, np.float32) for _ in range(6)]
     given = [slots_of(plan.settings), table.astype(np.float32), shutter_keys(exposure.shutter)]
-    told = [numbers(**dict(plan.numbers)), np.int32(x), np.int32(y)]
+    sampled = sampling_numbers(exposure, plan.settings, plan.width, plan.height)
+    told = [numbers(**dict(plan.numbers) | sampled), np.int32(x), np.int32(y)]
     owners = np.zeros(count * TILE * TILE, np.uint32)
     options = [o for o in plan.options if not o.startswith(("-DSLABS", "-DSLAB_GROUPS"))]
     options += [f"-DSLABS={count}", "-DSLAB_GROUPS=1"]
