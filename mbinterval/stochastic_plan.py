@@ -57,18 +57,17 @@ def stochastic_plan(
     # Slots of the fixed pattern are where the filter puts them; other places are put on the device.
     placed = set() if pattern_of(settings) == "fixed" else {"SCATTERED"}
     active |= sampling_macros(exposure, settings, active | placed)
-    sizes = {
-        "SAMPLES": samples,
-        "SLABS": slabs,
-        "SLAB_GROUPS": -(-samples // slabs),
-        **_own_sizes(settings, active),
-    }
+    sizes = _own_sizes(settings, active)
     if "SHADOWS" in active:
         sizes["SHADOWS"] = len(casting(exposure, settings))
     if shadow_map:
         active |= {"SHADOW_MAP"}
     numbers = sampling_numbers(exposure, settings, width, height)
     numbers |= {
+        "samples": samples,
+        "layers": slabs,
+        "slices": settings.slices,
+        "columns": _nearest_divisor(samples),
         "shadow_size": settings.shadow_map or 0,
         "shadow_strata": settings.shadow_strata,
         "shadow_bias": settings.shadow_bias,
@@ -151,10 +150,6 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
 def _own_sizes(settings: Settings, active: Set[str]) -> dict[str, int]:
     sizes: dict[str, int] = {}
     samples = sample_count(settings)
-    if "PATTERN_JITTERED" in active:
-        sizes["GRID_X"] = _nearest_divisor(samples)
-    if active & {"PATTERN_SLICES", "SLICE_LINES"}:
-        sizes["SLICES"] = settings.slices
     if settings.frameless > 1:
         sizes |= {"FRAMELESS": settings.frameless, "FRAMELESS_STEP": _step(settings.frameless)}
     if settings.cull == "pixar":

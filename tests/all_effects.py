@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from environments import environment, smooth
 
@@ -17,6 +19,7 @@ UV = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 BETWEEN = [0.75, 1.25]  # when the shutter of frame 1 opens and closes
 
 
+@cache
 def everything(late: float = 0.0) -> Scene:
     """Balls, glass and a leaf over a glossy floor: lit, shaded, mirrored, seen through.
 

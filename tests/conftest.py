@@ -19,6 +19,9 @@ LONG = (
 )
 """Files that take longest: workers begin with them, so that none of them ends alone."""
 
+# Each worker has a core; set before NumPy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 for name in [name for name in os.environ if name.startswith(("MBINTERVAL_", "PYOPENCL_CTX"))]:
     del os.environ[name]  # what a user has chosen is not what tests expect
 

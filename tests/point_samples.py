@@ -25,10 +25,9 @@ def drawn_in_tile(plan: Any, exposure: Exposure, x: int, y: int) -> Drawn:
     arrays = [np.zeros(count * TILE * TILE, np.float32) for _ in range(6)]
     given = [slots_of(plan.settings), table.astype(np.float32), shutter_keys(exposure.shutter)]
     sampled = sampling_numbers(exposure, plan.settings, plan.width, plan.height)
-    told = [numbers(**dict(plan.numbers) | sampled), np.int32(x), np.int32(y)]
+    told = [numbers(**dict(plan.numbers) | sampled | {"layers": count}), np.int32(x), np.int32(y)]
     owners = np.zeros(count * TILE * TILE, np.uint32)
-    options = [o for o in plan.options if not o.startswith(("-DSLABS", "-DSLAB_GROUPS"))]
-    options += [f"-DSLABS={count}", "-DSLAB_GROUPS=1"]
+    options = [*plan.options, "-DMOST_SLABS=1024"]
     found = run("scatter.cl", "scatter_tile", [*given, *told, *arrays, owners], options)
     xs, ys, ts, us, vs = (by_pixel(values) for values in found[3:8])
     return Drawn(xs + (x + 8.0), ys + (y + 8.0), ts, us, vs)

@@ -60,7 +60,7 @@ def rasterized(
     shapes = shapes_of(vertices, paths)
     members = np.arange(len(paths), dtype=np.uint32)
     capacity, layers, parts = 1 << 18, len(offsets), []
-    defines = options(TILE=tile, LAYERS=layers, SAMPLES=layers)
+    defines = options(TILE=tile, LAYERS=layers)
     for y in range(0, size[1], tile):
         for x in range(0, size[0], tile):
             arrays = [
@@ -198,7 +198,7 @@ def test_a_full_pool_is_reported_and_nothing_is_written_beyond_it():
         np.uint32(COUNT), *np.int32([0, 0]), np.uint32(200), pool,
         np.zeros((2, 16, 16), np.int32), np.zeros(2, np.uint32),
     ]  # fmt: skip
-    defines = options(LAYERS=2, SAMPLES=2)
+    defines = options(LAYERS=2)
     *_, fragments, _, (done, count) = run("rasterize.cl", "rasterize_tile", arrays, defines)
     assert (done, count) == (0, 200)
     assert np.all(fragments["part"][200:] == 12345)

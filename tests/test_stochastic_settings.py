@@ -62,7 +62,7 @@ def test_every_choice_that_is_given_is_in_the_plan():
     for values, macro in (
         ({}, "-DCULL_BEST"),
         ({"cull": "pixar", "samples": 16}, "-DSTRATA_T=16"),
-        ({"pattern": "jittered", "samples": 12}, "-DGRID_X=3"),
+        ({"pattern": "jittered", "samples": 12}, "-DPATTERN_JITTERED"),
         ({"test": "edges"}, "-DTEST_EDGES"),
         ({"statistics": True}, "-DSTATISTICS"),
         ({"frameless": 4}, "-DFRAMELESS=4"),
@@ -70,6 +70,7 @@ def test_every_choice_that_is_given_is_in_the_plan():
         settings = mb.Settings(method="stochastic", **values)
         plan = plan_of(CASES["shared edges"].make(), settings, *SIZE)[2]
         assert macro in plan.options
+        assert dict(plan.numbers)["columns"] == {4: 2, 12: 3, 16: 4}[settings.samples]
         plain = plan_of(CASES["shared edges"].make(), replace(settings, cull="bbox"), *SIZE)[2]
         assert "-DLENS" not in plain.options
         assert "-DPHONG" not in plain.options

@@ -30,6 +30,8 @@ typedef struct {
     int anisotropy;
     float sample_spacing;       // pixels
     int most_intervals;         // of a sample
+    int slices;                 // of accumulation
+    int columns;                // of the grid that samples are jittered in
     int event_steps;            // parts of the shutter that have a colour of their own
     int shadow_size, shadow_strata; // texels along an edge of a shadow map, and times of it
     float shadow_bias;          // texels

@@ -36,10 +36,18 @@ static Seeds seeds_of(const Tile *tile, int block)
 }
 
 #if defined(PATTERN_JITTERED) || defined(PATTERN_FIXED)
-// Place of l in a random order of 0 ... SAMPLES - 1, one for each seed (Kensler 2013).
-static INLINED uint16 permuted(uint l, uint16 seed)
+// x modulo n: a quotient that is at most two too small comes from the reciprocal.
+static INLINED uint16 modulo(uint16 x, uint n)
 {
-    uint mask = SAMPLES - 1;
+    x -= n * mul_hi(x, (uint16)(~0u / n));
+    x -= x >= n ? (uint16)(n) : (uint16)(0u);
+    return x - (x >= n ? (uint16)(n) : (uint16)(0u));
+}
+
+// Place of l in a random order of 0 ... n - 1, one for each seed (Kensler 2013).
+static INLINED uint16 permuted(uint l, uint16 seed, uint n)
+{
+    uint mask = n - 1u;
     mask |= mask >> 1, mask |= mask >> 2, mask |= mask >> 4, mask |= mask >> 8;
     uint16 i = l;
     int16 again = -1;
@@ -51,21 +59,22 @@ static INLINED uint16 permuted(uint l, uint16 seed)
         x *= 0x74dcb303u, x ^= (x & mask) >> 2, x *= 0x9e501cc3u, x ^= (x & mask) >> 2;
         x *= 0xc860a3dfu, x &= mask, x ^= x >> 5;
         i = again ? x : i;
-        again = i >= (uint16)(SAMPLES);
+        again = i >= (uint16)(n);
     }
-    return (i + seed) % SAMPLES;
+    return modulo(i + seed, n);
 }
 #endif
 
 #ifdef PATTERN_JITTERED
-#define GRID_Y (SAMPLES / GRID_X)
-
-// A random point in the cell of that number of a grid of GRID_X x GRID_Y.
-static INLINED void jitter_in_cell(uint16 cell, uint l, uint16 seed_x, uint16 seed_y, Lanes *x,
-                                   Lanes *y)
+// A random point in sample l's cell of a grid over the unit square.
+static INLINED void jitter_in_cell(const Numbers *n, uint l, uint16 seed_x, uint16 seed_y,
+                                   Lanes *x, Lanes *y)
 {
-    *x = (convert_float16(cell % GRID_X) + hashed(l, seed_x)) * (1.0f / GRID_X);
-    *y = (convert_float16(cell / GRID_X) + hashed(l, seed_y)) * (1.0f / GRID_Y);
+    const uint columns = n->columns, rows = n->samples / n->columns;
+    uint16 cell = permuted(l, seed_x, n->samples);
+    Lanes row = floor((convert_float16(cell) + 0.5f) * (1.0f / columns));
+    *x = (convert_float16(cell) - row * columns + hashed(l, seed_x)) * (1.0f / columns);
+    *y = (row + hashed(l, seed_y)) * (1.0f / rows);
 }
 #endif
 
@@ -77,7 +86,7 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 #ifdef GLOSSY
     d.a = hashed(l, seeds->a), d.b = hashed(l, seeds->b);
 #endif
-    d.t = ((float)l + hashed(l, seeds->t)) * (1.0f / SAMPLES);
+    d.t = ((float)l + hashed(l, seeds->t)) * (1.0f / tile->scene.numbers.samples);
     d.x = d.y = 0.0f;
 #if defined(PATTERN_SOBOL)
 #ifdef LENS
@@ -97,12 +106,12 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.x = hashed(l, seeds->x), d.y = hashed(l, seeds->y);
     d.u = hashed(l, seeds->u), d.v = hashed(l, seeds->v);
 #elif defined(PATTERN_JITTERED)
-    jitter_in_cell(permuted(l, seeds->x), l, seeds->x, seeds->y, &d.x, &d.y);
-    jitter_in_cell(permuted(l, seeds->u), l, seeds->u, seeds->v, &d.u, &d.v);
+    jitter_in_cell(&tile->scene.numbers, l, seeds->x, seeds->y, &d.x, &d.y);
+    jitter_in_cell(&tile->scene.numbers, l, seeds->u, seeds->v, &d.u, &d.v);
 #elif defined(PATTERN_FIXED)
     uint slot[LANES];
     float x[LANES], y[LANES];
-    vstore16(permuted(l, seeds->x), 0, slot);
+    vstore16(permuted(l, seeds->x, tile->scene.numbers.samples), 0, slot);
     for (int i = 0; i < LANES; i++)
         x[i] = tile->scene.slots[slot[i]].x_low, y[i] = tile->scene.slots[slot[i]].y_low;
     d.x = vload16(0, x), d.y = vload16(0, y);
@@ -112,8 +121,9 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.x = scrambled(sobol(l, 3), seeds->x);
     d.y = scrambled(sobol(l, 4), seeds->y);
 #elif defined(PATTERN_SLICES)
-    // All pixels alike: sample l belongs to one of SLICES times and points of the lens.
-    const uint each = SAMPLES / SLICES, slice = l / each;
+    // All pixels alike: sample l belongs to one of the slices' times and points of the lens.
+    const uint slices = tile->scene.numbers.slices, each = tile->scene.numbers.samples / slices;
+    const uint slice = l / each;
     uint16 frame = (uint16)(mix_bits(tile->scene.numbers.seed + 13u));
     Slot slot = tile->scene.slots[l % each];
     d.x = slot.x_low, d.y = slot.y_low;
@@ -123,7 +133,7 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 #else
     d.t += 0.5f;
 #endif
-    d.t *= 1.0f / SLICES;
+    d.t *= 1.0f / slices;
     d.u = scrambled(sobol(slice, 1), frame + 1u);
     d.v = scrambled(sobol(slice, 2), frame * 5u);
 #ifdef GLOSSY
@@ -180,9 +190,9 @@ static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, La
     float t[LANES], u[LANES], v[LANES];
     uint index[LANES];
     vstore16(pair, 0, index);
+    const float quarter = 0.25f / tile->scene.numbers.samples;
     for (int i = 0; i < LANES; i++) {
-        t[i] = (index[i]
-                + (mix_bits(frame ^ index[i] * 0x9e3779b9u) >> 8) * 0x1p-24f) * (0.25f / SAMPLES);
+        t[i] = (index[i] + (mix_bits(frame ^ index[i] * 0x9e3779b9u) >> 8) * 0x1p-24f) * quarter;
         u[i] = scrambled(sobol(index[i], 1), (uint16)(frame + 1u)).s0;
         v[i] = scrambled(sobol(index[i], 2), (uint16)(mix_bits(frame + 2u))).s0;
     }
@@ -195,7 +205,7 @@ static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, La
 // lens, and one across the disc of glossy mirrors, each at a place of its own, drawn in each pixel.
 static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
 {
-    const uint slice = l / (SAMPLES / SLICES);
+    const uint slice = l / (tile->scene.numbers.samples / tile->scene.numbers.slices);
     uint16 frame = (uint16)(mix_bits(tile->scene.numbers.seed + 13u));
 #ifdef LENS
     d->u = scrambled(sobol(slice, 1), frame + 1u);
@@ -280,11 +290,12 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
 #ifdef REORDERED
 // What samples of a pixel are ordered by, so that those of a slab are alike: time; the lens, along
 // a Z-shaped curve of its cells; or both.
-static INLINED uint16 order_key(Lanes t, Lanes u, Lanes v)
+static INLINED uint16 order_key(const Numbers *n, Lanes t, Lanes u, Lanes v)
 {
 #ifdef LENS
     uint16 a = convert_uint16(u * 16.0f), b = convert_uint16(v * 16.0f), key = 0u;
-    uint16 c = convert_uint16(clamp(t, 0.0f, 0.9999f) * (16.0f * SLAB_GROUPS)) & 15u;
+    const int groups = (n->samples + n->layers - 1) / n->layers;
+    uint16 c = convert_uint16(clamp(t, 0.0f, 0.9999f) * (16.0f * groups)) & 15u;
     for (int bit = 3; bit >= 0; bit--) {
 #ifdef MOVING
         key = key << 1 | (c >> bit & 1u);
@@ -329,11 +340,11 @@ static void scatter_block(const Tile *tile, int block)
     Seeds seeds = seeds_of(tile, block);
     Lanes left = block_x(block) - (float)HALF, top = block_y(block) - (float)HALF;
 #ifdef REORDERED
-    uint16 keys[SLABS];
-    int16 ranks[SLABS];
+    uint16 keys[MOST_SLABS];
+    int16 ranks[MOST_SLABS];
     for (int k = 0; k < tile->slabs; k++) {
         Drawn d = draw_sample(tile, block, tile->group + k, &seeds);
-        keys[k] = order_key(d.t, d.u, d.v);
+        keys[k] = order_key(&tile->scene.numbers, d.t, d.u, d.v);
     }
     rank_samples(keys, tile->slabs, ranks);
 #endif
@@ -383,7 +394,7 @@ static void bound_values(global const float *values, int slab, float *low, float
 static void scatter(Tile *tile)
 {
     for (int block = 0; block < BLOCKS; block++) scatter_block(tile, block);
-    for (int k = 0; k < SLAB_LANES; k++) {
+    for (int k = 0; k < (tile->slabs + LANES - 1) / LANES * LANES; k++) {
         bool used = k < tile->slabs;
         tile->t_low[k] = 2.0f, tile->t_high[k] = -1.0f;
         if (used) bound_values(tile->ts, k, tile->t_low + k, tile->t_high + k);

@@ -133,7 +133,7 @@ static void color_samples(Tile *tile, const Surface *surface, const int *list, i
 // Colours of all samples of a pixel, path by path, into `colors` by slab.
 static void color_pixel(Tile *tile, int pixel, Surface *surface, float4 *colors)
 {
-    bool done[SLABS];
+    bool done[MOST_SLABS];
     for (int slab = 0; slab < tile->slabs; slab++) {
         done[slab] = tile->owners[slab * SLAB + pixel] == NONE;
         colors[slab] = (float4)(0.0f);
@@ -141,8 +141,8 @@ static void color_pixel(Tile *tile, int pixel, Surface *surface, float4 *colors)
     for (int slab = 0; slab < tile->slabs; slab++) {
         if (done[slab]) continue;
         uint owner = tile->owners[slab * SLAB + pixel];
-        int list[SLABS], count = 0;
-        float4 found[SLABS];
+        int list[MOST_SLABS], count = 0;
+        float4 found[MOST_SLABS];
         for (int k = slab; k < tile->slabs; k++)
             if (tile->owners[k * SLAB + pixel] == owner)
                 list[count++] = k * SLAB + pixel, done[k] = true;
@@ -156,7 +156,7 @@ static void color_pixel(Tile *tile, int pixel, Surface *surface, float4 *colors)
 // Add what is seen in mirrors to the colours of a pixel's samples.
 static void color_mirrored(Tile *tile, int pixel, Surface *surface, float4 *colors)
 {
-    float4 mirrored[SLABS];
+    float4 mirrored[MOST_SLABS];
     swap_mirrored(tile);
     color_pixel(tile, pixel, surface, mirrored);
     swap_mirrored(tile);
@@ -169,7 +169,7 @@ static void shade(Tile *tile)
 {
     Surface surface;
     surface.path = NONE;
-    float4 colors[SLABS];
+    float4 colors[MOST_SLABS];
     for (int pixel = 0; pixel < SLAB; pixel++) {
         color_pixel(tile, pixel, &surface, colors);
 #ifdef MIRRORS

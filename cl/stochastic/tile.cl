@@ -43,8 +43,9 @@ static void render_tile(Tile *tile, global ulong *ticks)
         for (int k = 0; k < CACHE_WAYS; k++) tile->texel_cache[i][k] = 0;
 #endif
     ulong clock = TICKS();
-    for (tile->group = 0; tile->group < SAMPLES; tile->group += SLABS) {
-        tile->slabs = min(SLABS, SAMPLES - tile->group);
+    const int samples = tile->scene.numbers.samples, slabs = tile->scene.numbers.layers;
+    for (tile->group = 0; tile->group < samples; tile->group += slabs) {
+        tile->slabs = min(slabs, samples - tile->group);
         scatter(tile);
         clocked(SCATTER, ticks, &clock);
         sample(tile);
@@ -116,7 +117,8 @@ kernel void tile(
 #endif
     global float4 *rgba, global float *depth, global uint *seen)
 {
-    const size_t worker = get_global_id(0), samples = worker * SLABS * SLAB, pixels = worker * SLAB;
+    const size_t worker = get_global_id(0), pixels = worker * SLAB;
+    const size_t samples = numbers.layers * pixels;
     Tile tile = {
         .scene = {
             .numbers = numbers,
@@ -147,8 +149,8 @@ kernel void tile(
         .sign_sum = pixel_signs + pixels,
 #endif
 #ifdef PATTERN_RGSS
-        .sample_colors = kept_color + SAMPLES * pixels,
-        .sample_depths = kept_depth + SAMPLES * pixels,
+        .sample_colors = kept_color + numbers.samples * pixels,
+        .sample_depths = kept_depth + numbers.samples * pixels,
 #endif
 #ifdef SHADOWS
         .occluders = {world, paths, tree, leaves, numbers.leaf_nodes},

@@ -3,10 +3,10 @@
 //
 // A tile is 16 blocks of 4 x 4 pixels, the lanes of a vector. Its samples lie slab by slab: a slab
 // holds one sample of every pixel, all from a short stretch of time and, with a lens, a small part
-// of it. Slabs are worked on SLABS at a time, so that they stay in cache. Coordinates are relative
+// of it. Slabs are worked on some at a time, so that they stay in cache. Coordinates are relative
 // to the middle of the tile, so that float32 is exact where it matters.
 //
-// The plan defines: SAMPLES (per pixel), SLABS, the pattern (PATTERN_RANDOM ...), the test
+// The plan defines: the pattern (PATTERN_RANDOM ...), the test
 // (TEST_EDGES or none), the culling method (CULL_BBOX ...), and a macro for each effect that the
 // scene calls for: MOVING, LENS, SINGLE_SIDED, PHONG, METALLIC, EMISSION, POINT_LIGHTS,
 // SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, BLADES,
@@ -30,7 +30,9 @@
 #define BLOCKS 16
 #define HALF (TILE / 2)
 #define SLAB (BLOCKS * LANES) // samples of a slab
-#define SLAB_LANES ((SLABS + LANES - 1) / LANES * LANES)
+#ifndef MOST_SLABS
+#define MOST_SLABS 64 // that are worked on at a time
+#endif
 
 #if defined(CULL_ZMIN) || defined(CULL_ZMIN_STRATA)
 #define ZMIN
@@ -96,14 +98,14 @@ typedef struct {
     global const float *background; // an image, if there is one
 #endif
     // Of each slab of the group:
-    float t_low[SLAB_LANES], t_high[SLAB_LANES];
+    float t_low[MOST_SLABS], t_high[MOST_SLABS];
 #ifdef LENS
-    float u_low[SLAB_LANES], u_high[SLAB_LANES], v_low[SLAB_LANES], v_high[SLAB_LANES];
+    float u_low[MOST_SLABS], u_high[MOST_SLABS], v_low[MOST_SLABS], v_high[MOST_SLABS];
 #endif
-    float far[SLAB_LANES];            // greatest depth of any of its samples, or more
-    float block_far[SLABS * BLOCKS];  // likewise of each of its blocks
+    float far[MOST_SLABS];            // greatest depth of any of its samples, or more
+    float block_far[MOST_SLABS * BLOCKS];  // likewise of each of its blocks
 #ifdef ZMIN
-    float block_near[SLABS * BLOCKS]; // least depth of any of its samples
+    float block_near[MOST_SLABS * BLOCKS]; // least depth of any of its samples
 #endif
     Statistics statistics;
 #ifdef COUNT_TEXELS

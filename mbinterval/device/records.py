@@ -21,8 +21,8 @@ NUMBERS = np.dtype(
     + [("filter_mass", "f4"), ("reach_low", "f4"), ("reach_high", "f4"), ("blades", "i4")]
     + [("blade_rotation", "f4"), ("moment", "f4"), ("shading_error", "f4")]
     + [("shading_times", "i4"), ("anisotropy", "i4"), ("sample_spacing", "f4")]
-    + [("most_intervals", "i4"), ("event_steps", "i4"), ("shadow_size", "i4")]
-    + [("shadow_strata", "i4"), ("shadow_bias", "f4")]
+    + [("most_intervals", "i4"), ("slices", "i4"), ("columns", "i4"), ("event_steps", "i4")]
+    + [("shadow_size", "i4"), ("shadow_strata", "i4"), ("shadow_bias", "f4")]
 )
 _PLACED = [("x", "i4"), ("y", "i4")]
 TILE_GRID = np.dtype(

@@ -10,7 +10,7 @@ kernel void scatter_tile(global const Slot *slots, global const float *filter,
     Tile tile;
     tile.scene.slots = slots, tile.scene.filter = filter, tile.scene.shutter = shutter;
     tile.scene.numbers = numbers;
-    tile.x = x, tile.y = y, tile.group = 0, tile.slabs = SAMPLES;
+    tile.x = x, tile.y = y, tile.group = 0, tile.slabs = numbers.samples;
     tile.xs = xs, tile.ys = ys, tile.ts = ts, tile.us = us, tile.vs = vs, tile.zs = zs;
     tile.owners = owners;
     scatter(&tile);

@@ -11,7 +11,7 @@
 
 typedef struct {
     Box box;
-    bool first[SLABS]; // before all that the slab has seen
+    bool first[MOST_SLABS]; // before all that the slab has seen
 } Cull;
 
 typedef struct {
