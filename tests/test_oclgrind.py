@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import oclgrind_scenes
 import pytest
-from nightly import nightly
+from nightly import nightly_but
 from oclgrind_scenes import SCENES
 
 pytestmark = pytest.mark.oclgrind
@@ -77,18 +77,19 @@ def checked(python: str, folder: Path, *command: str, reads: bool = True) -> tup
     return log.read_text(), done.stdout + done.stderr
 
 
-AT_NIGHT = {
-    *("exact, crowded", "exact, segments", "lens", "lens, behind the eye", "shutter", "rolling"),
-    *("recorded, translucent", "translucent, layers", "translucent, pools grow"),
-    *("mirrors", "mirrors, recorded", "mirrors, with shadows", "stochastic, mirrors"),
-    *("shadows, layers", "shadows, at rest", "shadows, pools grow", "triangulated, crowded"),
-    *("accumulation", "culling, zmax", "culling, zmin"),
-}
-"""Whatever is compiled in for these is for others too."""
-assert set(SCENES) > AT_NIGHT
+EACH_TIME = (
+    *("exact", "exact, behind the eye", "mask", "lens, scattered", "layers, behind the eye"),
+    *("recorded", "translucent, adaptive", "textures over footprints", "mirrors, glossy"),
+    *("shadows", "static", "environment", "triangulated, exact occlusion"),
+    *("triangulated, by depth", "triangulated, pools grow", "stochastic, filter"),
+    *("stochastic, rotated grid", "stochastic, interleaved", "stochastic, edges"),
+    *("stochastic, shadow map", "stochastic, glossy mirrors", "stochastic, environment"),
+    *("culling, hull", "culling, dual_space", "culling, zmin_strata", "accumulation, lines"),
+)
+"""Every stage is in these, and every effect; at night more combinations, patterns and cullings."""
 
 
-@pytest.mark.parametrize("name", [nightly(name) if name in AT_NIGHT else name for name in SCENES])
+@pytest.mark.parametrize("name", nightly_but(SCENES, *EACH_TIME))
 def test_kernels_run_clean_and_give_the_film_of_another_device(name, python, tmp_path):
     # It takes the samples' scratch for unwritten right after a plain store to it.
     again = "grow" in name or "shadow" in name
@@ -118,8 +119,8 @@ def test_the_scenes_run_every_stage():
     from mbinterval import stochastic, tiles
 
     seen = set()
-    for small in SCENES.values():
-        seen |= set(oclgrind_scenes.plan_of(small)[2].stages)
+    for name in EACH_TIME:
+        seen |= set(oclgrind_scenes.plan_of(SCENES[name])[2].stages)
     assert seen == {
         "paths",
         "bin",
