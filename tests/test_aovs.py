@@ -278,7 +278,9 @@ def test_operations_are_what_the_film_counts():
     assert more >= 3 * 32 * 16  # each sample at least against the triangle that it sees
 
 
-@pytest.mark.parametrize("way", [{}, nightly({"occlusion": 64}), {"paths": "triangulated"}])
+@pytest.mark.parametrize(
+    "way", [{}, nightly({"occlusion": 64}), nightly({"paths": "triangulated"})]
+)
 def test_the_image_does_not_change(way):
     mesh = slab(rectangle(4, 9, -5, 30), (12, 0), 2.0, SIZE)
     scene = scene_of(mesh, card(WHOLE, 5.0, (0, 1, 0), color=(0, 1, 0)))

@@ -117,9 +117,7 @@ def case(request) -> tuple[str, list[Surface], tuple[Light, ...]]:
     return request.param, make(), lights
 
 
-@pytest.mark.parametrize(
-    "case", nightly_but(CASES, "two mirrors and glass", "shaded"), indirect=True
-)
+@pytest.mark.parametrize("case", nightly_but(CASES, "two mirrors and glass"), indirect=True)
 def test_what_mirrors_show_is_what_rays_find(case):
     name, surfaces, lights = case
     of = scene(surfaces, lights)

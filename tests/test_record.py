@@ -71,9 +71,10 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize(
-    "way", [nightly(way) if way in ("mask", "shadows, nothing moves") else way for way in WAYS]
-)
+AT_NIGHT = ("mask", "shadows, nothing moves", "triangulated", "lens and filter")
+
+
+@pytest.mark.parametrize("way", [nightly(way) if way in AT_NIGHT else way for way in WAYS])
 def test_what_spans_add_is_the_films_colour_and_alpha(way):
     meshes, settings, scene = WAYS[way]
     found = film(meshes(), **scene, **settings)

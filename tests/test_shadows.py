@@ -171,7 +171,10 @@ def test_rays_of_point_samples_meet_alpha_that_varies(kind):
     assert np.abs((share - exact / np.where(lit, free, 1.0))[rows].mean(axis=0)).max() < 0.02
 
 
-AT_NIGHT = ("static on static", "both", "a turning sphere with smooth normals")
+AT_NIGHT = (
+    *("static on static", "both", "a turning sphere with smooth normals"),
+    "casters behind the light and around it",
+)
 
 
 @pytest.mark.parametrize("name", [nightly(name) if name in AT_NIGHT else name for name in CASES])

@@ -128,7 +128,9 @@ PARTS = ("over what moves", "at rest", "lit", "textured, at rest", "ignored")
 
 
 @pytest.mark.parametrize("seed", [1, nightly(2)])
-@pytest.mark.parametrize("name", [nightly(name) if name in PARTS else name for name in CASES])
+@pytest.mark.parametrize(
+    "name", [nightly(name) if name in (*PARTS, "everything") else name for name in CASES]
+)
 def test_random_scenes_agree_with_the_twin(name, seed):
     of, settings = made(name, seed)
     found = mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings)
