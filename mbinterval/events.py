@@ -227,8 +227,8 @@ def _write_npz(path: Path, events: Events) -> None:
             info = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
             content = io.BytesIO()
             np.lib.format.write_array(content, array, allow_pickle=False)
-            archive.writestr(info, content.getbuffer(), zipfile.ZIP_DEFLATED, 1)
-    write_file(path, written.getbuffer())
+            archive.writestr(info, content.getvalue(), zipfile.ZIP_DEFLATED, 1)
+    write_file(path, written.getvalue())
 
 
 def check_parquet() -> None:

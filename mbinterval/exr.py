@@ -142,7 +142,7 @@ def _write(path: str | Path, header: dict[str, Any], channels: dict[str, NDArray
         OpenEXR.File(header, channels).write(written)
     except (RuntimeError, TypeError, ValueError) as error:
         raise OutputError(f"{path}: cannot be written as EXR ({error})") from error
-    write_file(path, written.getbuffer())
+    write_file(path, written.getvalue())
 
 
 def read_exr(path: str | Path, data: bytes | None = None) -> ExrImage:

@@ -193,7 +193,7 @@ def write_png(
     info.add_itxt(PIXEL_DIGEST, pixel_digest({"": pixels}))
     written = io.BytesIO()
     Image.fromarray(pixels).save(written, format="PNG", pnginfo=info)
-    write_file(path, written.getbuffer())
+    write_file(path, written.getvalue())
 
 
 def read_png(path: Path) -> tuple[NDArray[np.uint8], dict[str, str]]:

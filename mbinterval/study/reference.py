@@ -251,7 +251,7 @@ def _write(path: Path, reference: Reference) -> None:
     facts = {"renders": reference.renders, "seconds": reference.seconds}
     written = io.BytesIO()
     np.savez(written, halves=reference.halves, facts=json.dumps(facts))
-    write_file(path, written.getbuffer())
+    write_file(path, written.getvalue())
 
 
 def _read(path: Path, settings: Settings, case: Case) -> Reference | None:
