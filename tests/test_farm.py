@@ -347,10 +347,12 @@ def run_openjd(folder, command="mbinterval"):
     program = Path(sys.executable).with_name("openjd")
     arguments = [program, "run", "job.yaml", "--step", "Render", "-p", f"Command={command}"]
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    temporary = folder / "temporary"  # Open Job Description's own is that user's who came first
+    temporary.mkdir(exist_ok=True)
+    own = {"PATH": path, "TMPDIR": str(temporary)}
     return subprocess.run(
-        arguments, cwd=folder, env=ENVIRONMENT | {"PATH": path}, text=True,
-        capture_output=True, check=False,
-    )  # fmt: skip
+        arguments, cwd=folder, env=ENVIRONMENT | own, text=True, capture_output=True, check=False
+    )
 
 
 def write_template(folder, *more):
