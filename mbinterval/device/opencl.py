@@ -112,8 +112,13 @@ def _start() -> Started:
     # pyopencl keeps what it generates under the home folder, and fails where it can't.
     unkept = {} if "pyopencl" in sys.modules else {"PYOPENCL_NO_CACHE": "1"}
     with _environment(told | unkept):
-        import pyopencl
-
+        try:
+            import pyopencl
+        except UnicodeEncodeError:  # since Python 3.12, for extension modules of the older kind
+            raise DeviceError(
+                "this Python does not load pyopencl from a folder whose name is not UTF-8; install "
+                "it in another place"
+            ) from None
         try:
             for platform in pyopencl.get_platforms():
                 platform.get_devices()
