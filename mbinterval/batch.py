@@ -251,9 +251,13 @@ def survey(tasks: Sequence[Task]) -> dict[Task, str]:
         found = [(path, why_not(path, task.identity)) for path in task.paths]
         for path, reason in found:
             if reason:
-                check_replaceable(path, path.suffix.lower(), "--overwrite replaces it")
+                _check_replaceable(path)
         reasons[task] = "; ".join(f"{path} {reason}" for path, reason in found if reason)
     return reasons
+
+
+def _check_replaceable(path: Path) -> None:
+    check_replaceable(path, path.suffix.lower(), "--overwrite replaces it")
 
 
 def render_task(job: Job, task: Task, progress: Progress | None = None) -> Film:
@@ -283,9 +287,19 @@ def identified(task: Task, film: Film) -> Film:
     return replace(film, metadata={**film.metadata, IDENTITY: task.identity})
 
 
-def write_task(task: Task, film: Film, seconds: float) -> Report:
-    """Write the files of a frame that took ``seconds`` to render."""
+def write_task(task: Task, film: Film, seconds: float, overwrite: bool) -> Report:
+    """Write the files of a frame that took ``seconds`` to render.
+
+    Raises
+    ------
+    OutputError
+        Where a file can't be written; where it is not provably of mbinterval and not to be
+        overwritten, also if it came while the frame was rendered.
+    """
     started = time.perf_counter()
+    if not overwrite:
+        for path in task.paths:
+            _check_replaceable(path)
     for path in task.paths:
         film.write(path)
     took = time.perf_counter() - started

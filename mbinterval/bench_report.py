@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mbinterval.atomic import write_file
+from mbinterval.atomic import prepare_output, write_file
 from mbinterval.errors import UsageError
+from mbinterval.ownership import check_replaceable
 
 FORMAT = 1
 _COLUMNS = (
@@ -92,8 +93,18 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     return lines
 
 
+def check_result(path: str | Path) -> None:
+    """Raise ``OutputError`` where a result can't be written to ``path``, or isn't to replace it."""
+    prepare_output(path)
+    check_replaceable(path, ".json", "give another name")
+
+
 def write_result(path: str | Path, result: Mapping[str, Any]) -> None:
-    """Write ``result`` as JSON: all of it or nothing. Raises ``OutputError``."""
+    """Write ``result`` as JSON: all of it or nothing, and over no other's file.
+
+    Raises ``OutputError``.
+    """
+    check_replaceable(path, ".json", "give another name")
     write_file(path, (json.dumps(result, indent=1) + "\n").encode())
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import mbinterval
-from mbinterval.atomic import prepare_output
 from mbinterval.errors import MbintervalError, SceneError, UsageError
 from mbinterval.frames import (
     CAMERA_PLACE,
@@ -24,7 +23,7 @@ from mbinterval.frames import (
     resolution,
 )
 from mbinterval.option_values import several_devices
-from mbinterval.ownership import SOFTWARE, check_replaceable
+from mbinterval.ownership import SOFTWARE
 from mbinterval.settings import SETTINGS, Settings, check_setting, conflicts
 
 if TYPE_CHECKING:
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from mbinterval.engines import Engine, Outcomes
     from mbinterval.joblog import JobLog
     from mbinterval.scene.model import Scene
+    from mbinterval.stats_file import StatsFile
 
 _log = logging.getLogger(__name__)
 
@@ -41,6 +41,7 @@ def render(arguments: argparse.Namespace) -> None:
     from mbinterval.batch import check_apart, check_exports, plan_tasks, prepare, survey
     from mbinterval.device.opencl import THREADS
     from mbinterval.joblog import JobLog
+    from mbinterval.stats_file import StatsFile
 
     if arguments.threads is not None:
         os.environ[THREADS] = str(arguments.threads)
@@ -50,10 +51,7 @@ def render(arguments: argparse.Namespace) -> None:
     engine = _engine(arguments)
     check_apart(job, tasks, arguments.stats, arguments.log)
     prepare(tasks)
-    if arguments.stats:
-        prepare_output(arguments.stats)
-        if not arguments.overwrite:
-            check_replaceable(arguments.stats, ".json", "--overwrite replaces it")
+    figures = StatsFile(arguments.stats, arguments.overwrite)
     with JobLog(arguments.log) as log:
         log.start(job, len(tasks), arguments.threads)
         reasons = dict.fromkeys(tasks, "--overwrite") if arguments.overwrite else survey(tasks)
@@ -69,7 +67,8 @@ def render(arguments: argparse.Namespace) -> None:
             _log.debug("%s: %s", task.label, reasons[task])
         with _progress(len(waiting)) as tell:
             outcomes = engine(job, waiting, tell)
-            _write_outcomes(job, outcomes, reasons, log, arguments.stats)
+            with closing(outcomes), figures:
+                _write_outcomes(job, outcomes, reasons, log, figures, arguments.overwrite)
 
 
 def _complete(complete: int, count: int) -> str:
@@ -106,34 +105,34 @@ def _write_outcomes(
     outcomes: Outcomes,
     reasons: Mapping[Task, str],
     log: JobLog,
-    stats: str | None,
+    figures: StatsFile,
+    overwrite: bool,
 ) -> None:
     """Write each frame as it is done; the first that failed ends the job."""
     from mbinterval.batch import uninterrupted, write_task
-    from mbinterval.stats_file import StatsFile, stats_row
+    from mbinterval.stats_file import stats_row
 
     said: set[str] = set()
     count = sum(map(bool, reasons.values()))
-    with closing(outcomes), StatsFile(stats) as figures:
-        for number, outcome in enumerate(outcomes, start=1):
-            task, report = outcome.task, None
-            try:
-                film = outcome.rendered()
-                with uninterrupted():
-                    report = write_task(task, film, outcome.seconds)
-                    log.frame(task, "rendered", reason=reasons[task], report=report)
-            except BaseException as error:
-                if report is None:
-                    log.frame(task, "failed", reason=reasons[task], error=error)
-                raise
-            for note in film.notes:
-                if note not in said:
-                    _log.warning("mbinterval: note: %s", note)
-            said.update(film.notes)
-            figures.add(stats_row(task.frame, film, job.settings))
-            place, written = f"{number}/{count}", ", ".join(map(str, task.paths))
-            _log.info("%s (%s): %.2f s -> %s", task.label, place, report.seconds, written)
-            _log.debug("%s", _timing_lines(report.timings))
+    for number, outcome in enumerate(outcomes, start=1):
+        task, report = outcome.task, None
+        try:
+            film = outcome.rendered()
+            with uninterrupted():
+                report = write_task(task, film, outcome.seconds, overwrite)
+                log.frame(task, "rendered", reason=reasons[task], report=report)
+        except BaseException as error:
+            if report is None:
+                log.frame(task, "failed", reason=reasons[task], error=error)
+            raise
+        for note in film.notes:
+            if note not in said:
+                _log.warning("mbinterval: note: %s", note)
+        said.update(film.notes)
+        figures.add(stats_row(task.frame, film, job.settings))
+        place, written = f"{number}/{count}", ", ".join(map(str, task.paths))
+        _log.info("%s (%s): %.2f s -> %s", task.label, place, report.seconds, written)
+        _log.debug("%s", _timing_lines(report.timings))
 
 
 def openjd(arguments: argparse.Namespace) -> None:
@@ -169,14 +168,20 @@ def bench(arguments: argparse.Namespace) -> None:
     """``mbinterval bench``: measure, print, and compare with a baseline."""
     from mbinterval import bench as benchmark
     from mbinterval.bench_cases import make_case
-    from mbinterval.bench_report import changes, comparison, read_result, table, write_result
+    from mbinterval.bench_report import (
+        changes,
+        check_result,
+        comparison,
+        read_result,
+        table,
+        write_result,
+    )
 
     if arguments.tolerance is not None and arguments.baseline is None:
         raise UsageError("tolerance is for comparing with a baseline; give --baseline FILE")
     before = read_result(arguments.baseline) if arguments.baseline else None
     if arguments.json:
-        prepare_output(arguments.json)
-        check_replaceable(arguments.json, ".json", "give another name")
+        check_result(arguments.json)
     scenes = arguments.scenes or benchmark.SCENES
     references = arguments.reference or ["-"] * len(scenes)
     if len(references) != len(scenes):
@@ -216,12 +221,11 @@ def bench(arguments: argparse.Namespace) -> None:
 
 def compare(arguments: argparse.Namespace) -> None:
     """``mbinterval compare``: renders and files against the first of them."""
-    from mbinterval.bench_report import write_result
+    from mbinterval.bench_report import check_result, write_result
     from mbinterval.compare_sources import read_sources, render_sources, table, write_maps
 
     if arguments.json:
-        prepare_output(arguments.json)
-        check_replaceable(arguments.json, ".json", "give another name")
+        check_result(arguments.json)
     sources = []
     for name in arguments.sources:
         if Path(name).suffix.lower() == ".exr":

@@ -67,7 +67,8 @@ def _read_parquet(path: Path, columns: Mapping[str, str]) -> Events:
         most = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         if 4 * 8 * rows * width * samples > most:
             raise MemoryError
-        table = file.read()
+        # A thread of Arrow's that still holds the stream when Python ends, ends in abort (134).
+        table = file.read(use_threads=False)
     arrays = {name: table[name].to_numpy() for name in (*columns, "x", "y", "sample")}
     if any(table[name].null_count for name in arrays):
         raise ValueError("it has nulls")

@@ -196,6 +196,10 @@ def write_png(
     write_file(path, written.getvalue())
 
 
+_PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
+"""The last chunk: its length, its name, and its checksum."""
+
+
 def read_png(path: Path) -> tuple[NDArray[np.uint8], dict[str, str]]:
     """Read the pixels of a PNG as they are stored, and its text chunks, checking all of it.
 
@@ -210,7 +214,9 @@ def read_png(path: Path) -> tuple[NDArray[np.uint8], dict[str, str]]:
         data = path.read_bytes()
         with PngImageFile(io.BytesIO(data)) as image:
             _check_size(image, len(data))
-            image.verify()  # the checksums of all chunks
+            image.verify()  # the checksums of all chunks but the last
+        if not data.endswith(_PNG_END):
+            raise ValueError("cut off, or more than a PNG")
         with PngImageFile(io.BytesIO(data)) as image:
             image.load()
             text = {str(key): str(value) for key, value in image.info.items()}

@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mbinterval.atomic import output_place, write_file
+from mbinterval.atomic import output_place, prepare_output, write_file
 from mbinterval.film import Film
-from mbinterval.ownership import SOFTWARE
+from mbinterval.ownership import SOFTWARE, check_replaceable
 from mbinterval.settings import Settings
 
 
@@ -36,9 +36,13 @@ class StatsFile:
     ``OutputError``.
     """
 
-    def __init__(self, path: str | Path | None) -> None:
+    def __init__(self, path: str | Path | None, overwrite: bool) -> None:
         self._path, self._rows = path, list[dict[str, Any]]()
+        self._overwrite = overwrite
         self._waits = path is not None and output_place(path) is None
+        if path is not None:
+            prepare_output(path)
+            self._check()
 
     def __enter__(self) -> StatsFile:
         return self
@@ -55,4 +59,9 @@ class StatsFile:
 
     def _write(self) -> None:
         if self._path is not None:
+            self._check()
             write_file(self._path, (json.dumps(self._rows, indent=2) + "\n").encode())
+
+    def _check(self) -> None:
+        if self._path is not None and not self._overwrite:
+            check_replaceable(self._path, ".json", "--overwrite replaces it")

@@ -146,6 +146,20 @@ def test_what_is_damaged_is_noticed_and_replaced_where_it_still_says_whose_it_is
     assert batch.files("a.*") == whole
 
 
+@pytest.mark.parametrize("ending", ["exr", "png", "deep.exr", "npz", "parquet"])
+def test_a_frame_without_its_last_bytes_is_not_complete(batch, ending):
+    output = ("-o", f"a.####.{ending}")
+    batch("--frames", "1", *output)
+    path = batch.folder / f"a.0001.{ending}"
+    whole = path.read_bytes()
+    assert batch("--frames", "1", *output)[:2] == (0, [])
+    for missing in range(1, 33):
+        path.write_bytes(whole[:-missing])
+        code, frames, _ = batch("--frames", "1", *output)
+        assert (code, frames) == (6, []), missing
+        assert path.read_bytes() == whole[:-missing]
+
+
 REFUSED = {("flip", "exr"): (0, 1), ("flip", "deep.exr"): (0, 1), ("zeros", "png"): (8, 8)}
 """Of eight files at least and at most how many: where what says whose a file is can be hit."""
 

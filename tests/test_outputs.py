@@ -101,6 +101,23 @@ def test_files_that_are_not_provably_ours_stay(scene, said, kind):
         assert path.read_bytes() == (scene / f"ours.{kind}").read_bytes(), what
 
 
+@pytest.mark.parametrize("kind", [*KINDS, "json"])
+def test_a_file_that_comes_while_a_frame_is_rendered_stays(scene, said, kind, monkeypatch):
+    path, plain = scene / f"a.{kind}", mb.render
+
+    def render_meanwhile(*arguments, **settings):
+        path.write_bytes(b"mine")
+        return plain(*arguments, **settings)
+
+    outputs = ("-o", "b.png", "--stats", "a.json") if kind == "json" else ("-o", path.name)
+    monkeypatch.setattr(mb, "render", render_meanwhile)
+    assert render(*outputs) == 6
+    assert path.read_bytes() == b"mine"
+    assert f"{path.name}: is there, " in said()
+    assert render("--overwrite", *outputs) == 0
+    assert path.read_bytes() != b"mine"
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_our_own_and_empty_files_are_replaced(scene, kind):
     path = scene / f"a.{kind}"
@@ -164,7 +181,10 @@ def test_a_benchmark_replaces_its_own_result_alone(scene, said):
         assert cli.main(["bench", "--json", "r.json", "no such scene"]) == 6
         assert "r.json: is there, " in (message := said())
         assert message.endswith("give another name\n")
+        with pytest.raises(OutputError, match=r"r\.json: is there, .*give another name"):
+            write_result("r.json", {"format": 1, "software": SOFTWARE})  # it came meanwhile
         assert Path("r.json").read_bytes() == data
+    Path("r.json").unlink()
     write_result("r.json", {"format": 1, "software": SOFTWARE})
     assert cli.main(["bench", "--json", "r.json", "no such scene"]) == 2
 

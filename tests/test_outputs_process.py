@@ -64,6 +64,7 @@ from pathlib import Path
 import numpy as np
 import mbinterval as mb
 from mbinterval.bench_report import write_result
+from mbinterval.ownership import SOFTWARE
 from mbinterval.stats_file import StatsFile
 from mbinterval.study import reference, run
 
@@ -74,12 +75,12 @@ rows = [{"frame": 1, "seconds": {"paths": 0.1}}]
 result = {"sweeps": {"samples": {"series": "exact", "rows": [{"name": "exact"}]}}}
 
 def write_stats(path):
-    with StatsFile(path) as stats:
+    with StatsFile(path, overwrite=True) as stats:
         stats.add(rows[0])
 
 writers = {f"a.{end}": film.write for end in ("exr", "deep.exr", "png", "npz", "parquet")}
 writers |= {
-    "bench.json": lambda path: write_result(path, {"format": 1}),
+    "bench.json": lambda path: write_result(path, {"format": 1, "software": SOFTWARE}),
     "stats.json": write_stats,
     "study.csv": lambda path: run.write_csv(path, result),
     "reference.npz": lambda path: reference._write(Path(path), made),
