@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.arrays import read_arrays
+from mbinterval.arrays import arrow_stream, read_arrays
 from mbinterval.checks import shown
 from mbinterval.errors import MbintervalError, OutputError
 
@@ -59,7 +59,7 @@ def _read_parquet(path: Path, columns: Mapping[str, str]) -> Events:
     check_parquet()
     import pyarrow.parquet
 
-    with path.open("rb") as stream, pyarrow.parquet.ParquetFile(stream) as file:
+    with pyarrow.parquet.ParquetFile(arrow_stream(path)) as file:
         stored = file.schema_arrow.metadata or {}
         texts = {name.decode(): text.decode() for name, text in stored.items()}
         rows, width, samples = _shape(texts)
@@ -67,8 +67,7 @@ def _read_parquet(path: Path, columns: Mapping[str, str]) -> Events:
         most = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         if 4 * 8 * rows * width * samples > most:
             raise MemoryError
-        # A thread of Arrow's that still holds the stream when Python ends, ends in abort (134).
-        table = file.read(use_threads=False)
+        table = file.read()
     arrays = {name: table[name].to_numpy() for name in (*columns, "x", "y", "sample")}
     if any(table[name].null_count for name in arrays):
         raise ValueError("it has nulls")

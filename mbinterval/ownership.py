@@ -130,8 +130,9 @@ def _of_npz(file: BinaryIO) -> str:
 def _of_parquet(path: Path) -> str:
     import pyarrow.parquet
 
-    with path.open("rb") as file:  # its own way to a file knows no name that is not UTF-8
-        stored = pyarrow.parquet.read_schema(file).metadata or {}
+    from mbinterval.arrays import arrow_stream
+
+    stored = pyarrow.parquet.read_schema(arrow_stream(path)).metadata or {}
     return _stated(json.loads(stored.get(b"metadata", b"{}")))
 
 

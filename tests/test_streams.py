@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -81,3 +82,14 @@ def test_files_are_read_and_written_in_folders_of_any_name(tmp_path, name):
     assert again.returncode == 0, again.stderr
     assert "complete" in again.stderr  # every file was read back
     assert mbinterval("compare", folder / "film.exr", folder / "film.exr").returncode == 0
+
+
+@pytest.mark.nightly
+def test_a_process_that_reads_parquet_back_ends_well(tmp_path):
+    """With the file as a stream of Python's one in sixty aborted (134), at five at a time."""
+    (tmp_path / "box.toml").write_text(BOX)
+    given = ("render", tmp_path / "box.toml", "-q", "--samples", 1, "-o", tmp_path / "a.parquet")
+    assert mbinterval(*given).returncode == 0
+    with ThreadPoolExecutor(5) as pool:
+        runs = list(pool.map(lambda _: mbinterval(*given), range(300)))
+    assert {(run.returncode, run.stderr) for run in runs} == {(0, "")}
