@@ -137,7 +137,7 @@ def test_a_films_timings_are_of_the_stages_that_ran(way):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_what_does_not_move_has_no_stage_of_time_in_its_kernel(way):
-    header = "analytic/tile.h"  # which names some stages' lists as fields
+    header = "analytic/tile_of_rows.h"  # which names some stages' lists as fields
     assert builds_without(plan(mesh(False), **WAYS[way]), FUNCTIONS, header)
     assert not builds_without(plan(mesh(), **WAYS[way]), FUNCTIONS, header)
 
@@ -276,7 +276,7 @@ CODE = {
 
 @pytest.mark.parametrize("name", CODE)
 def test_a_layer_that_is_not_asked_for_leaves_no_code_no_buffer_and_no_stage(name):
-    header = "analytic/tile.h"
+    header = "analytic/tile_of_rows.h"
     others = tuple(other for other in AOVS if other != name)
     assert builds_without(plan(mesh(), aovs=others), (CODE[name],), header)
     assert not builds_without(plan(mesh(), aovs=name), (CODE[name],), header)

@@ -7,8 +7,8 @@
 #ifndef MB_BLEND_H
 #define MB_BLEND_H
 
-#include "analytic/mirrors.h"
-#include "analytic/shutter.h"
+#include "analytic/mirror_walk.h"
+#include "analytic/line_window.h"
 
 // Average over a stack's time: colour premultiplied with alpha, and depth times alpha.
 typedef struct {
@@ -65,7 +65,7 @@ static float4 mirrored_behind(const Tile *tile, int sample, Span mirror, float2 
                               float2 window)
 {
 #ifdef SKY
-    Gaze gaze = gaze_at(place, mesh_of(tile, mirror.source)->mirror);
+    Gaze gaze = gaze_at(place, mesh_of(&tile->scene, mirror.source)->mirror);
     return (float4)(sky_between(tile, &gaze, window, times, 0, 0u), 1.0f);
 #else
     const Frame *frame = &tile->frame;
@@ -84,7 +84,7 @@ static Colors mirrored_along(const Tile *tile, int sample, Span mirror, Span str
                              float2 window, Instants places)
 {
 #ifdef SKY
-    Gaze gaze = gaze_at(place, mesh_of(tile, mirror.source)->mirror);
+    Gaze gaze = gaze_at(place, mesh_of(&tile->scene, mirror.source)->mirror);
     Lanes3 ways = ways_of(tile, &gaze, times_of(stretch, places));
     Lanes3 light = sky_light(&tile->scene, ways, places.count);
     Colors behind = {light.x, light.y, light.z};

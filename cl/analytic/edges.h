@@ -10,7 +10,7 @@
 #ifndef MB_EDGES_H
 #define MB_EDGES_H
 
-#include "analytic/tile.h"
+#include "analytic/tile_of_rows.h"
 #include "shared/shear.h"
 
 typedef struct {

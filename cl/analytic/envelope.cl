@@ -8,8 +8,8 @@
 // as in a merge sort, each time in one walk through both: where both have something to show, bounds
 // of depth decide, or else the exact order, with a cut wherever it changes. That takes O(n log n)
 // for n intervals.
-#include "analytic/depth.h"
-#include "analytic/shutter.h"
+#include "analytic/depth_curve.h"
+#include "analytic/line_window.h"
 
 #define OPEN_CHAINS 16 // chains that may still grow; older ones are complete
 #define RANKED 256     // above this, intervals are sorted by merging

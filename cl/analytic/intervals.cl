@@ -6,7 +6,7 @@
 // missing lies at w = 0, at the time when the triangle's plane passes through the eye. It is put in
 // before pairing; where there is no such time, rounding made the number odd, and the fragment
 // nearest to the eye is left out.
-#include "analytic/shutter.h"
+#include "analytic/line_window.h"
 
 #define MAX_FRAGMENTS 16
 

@@ -2,7 +2,7 @@
 //
 // Bit i belongs to the interval that is nearest at (i + 1/2) / MASK_BITS, by exact depth; of equal
 // ones to the path that comes first. Every run of bits of one interval is a span.
-#include "analytic/depth.h"
+#include "analytic/depth_curve.h"
 #include "analytic/runs.h"
 #include "shared/wide.h"
 

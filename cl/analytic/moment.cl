@@ -5,7 +5,7 @@
 // shutter for one moment of it. So the triangles of all motion paths are frozen at the moment, and
 // the z-buffer of what does not move ("nearest") takes them too. It comes last: that is free then.
 #include "shared/film.h"
-#include "analytic/shutter.h"
+#include "analytic/line_window.h"
 #include "analytic/surface_color.h"
 
 #ifdef TRANSLUCENT

@@ -3,7 +3,7 @@
 //
 // Intervals come front to back; each sees what none before it has taken, of the bits of a mask or,
 // without MASK_BITS, of the shutter itself. Every run that is left is a span.
-#include "analytic/shutter.h"
+#include "analytic/line_window.h"
 
 #ifdef MASK_BITS
 

@@ -9,7 +9,7 @@
 // lens from the same sequence, in Morton's order of its samples (Ahmed & Wonka 2020). The square of
 // the lens is mapped to a disc (Shirley & Chiu 1997) or to a polygon of blades. The disc of glossy
 // mirrors is drawn as the lens is; where there are both, in an order of its own.
-#include "analytic/tile.h"
+#include "analytic/tile_of_rows.h"
 #include "shared/lens.h"
 #include "shared/sobol.h"
 

@@ -11,7 +11,7 @@
 #ifndef MB_QUADRATURE_H
 #define MB_QUADRATURE_H
 
-#include "analytic/shutter.h"
+#include "analytic/line_window.h"
 #include "shared/lanes.h"
 #include "shared/colors.h"
 

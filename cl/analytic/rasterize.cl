@@ -7,7 +7,7 @@
 // surface gives every sample an even number of fragments, whatever is rounded. Corners are shifted
 // to the sample before anything is multiplied; nothing is divided by w and nothing clipped.
 #include "analytic/walk.h"
-#include "analytic/surface.h"
+#include "analytic/swept_surface.h"
 
 // Where an edge meets the row: x relative to the samples, and the sums of the weights that its
 // corners have there, of their times and of their w.

@@ -7,7 +7,7 @@
 // one of the `event_steps` parts of its line's exposure to the next, an event for each part of it,
 // with an average of its own, follows that of the whole.
 #include "shared/film.h"
-#include "analytic/shutter.h"
+#include "analytic/line_window.h"
 
 // Time `t` of the shutter in the exposure of a line that is open in `window`.
 static inline float line_time(float2 window, float t)

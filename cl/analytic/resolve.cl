@@ -1,6 +1,6 @@
 // Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and counts.
 #include "shared/film.h"
-#include "analytic/tile.h"
+#include "analytic/tile_of_rows.h"
 
 // Mean colour and alpha over the background of the film's pixel `place`.
 static inline float4 resolved(const Tile *tile, float4 sum, size_t place, Frame frame,

@@ -7,7 +7,7 @@
 #ifndef MB_RUNS_H
 #define MB_RUNS_H
 
-#include "analytic/shutter.h"
+#include "analytic/line_window.h"
 
 #define FREE (-1)
 #define BIT (1.0f / MASK_BITS)

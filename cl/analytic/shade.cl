@@ -2,7 +2,7 @@
 // into its pixel.
 //
 // Colour is averaged over places along the visible part, as many as quadrature.h says.
-#include "analytic/shutter.h"
+#include "analytic/line_window.h"
 #ifdef EXACT
 #include "analytic/varying_exact.h"
 #else
@@ -13,7 +13,7 @@
 #include "analytic/shadow.h"
 #endif
 #ifdef SKY
-#include "analytic/sky.h"
+#include "analytic/sky_over_time.h"
 #endif
 
 #if defined(LIT) || defined(TEXTURED) || defined(VERTEX_COLOR)

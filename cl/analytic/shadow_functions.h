@@ -15,7 +15,7 @@
 #ifndef MB_SHADOW_FUNCTIONS_H
 #define MB_SHADOW_FUNCTIONS_H
 
-#include "analytic/depth.h"
+#include "analytic/depth_curve.h"
 #include "analytic/shadow_vectors.h"
 
 // What a sample sees of one path, from t0 to t1: the point n / e, relative to the first camera's

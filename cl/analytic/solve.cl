@@ -8,7 +8,7 @@
 //
 // Paths come in order of least depth, so lists run from near to far.
 #include "analytic/gather.h"
-#include "analytic/shutter.h"
+#include "analytic/line_window.h"
 #include "shared/bernstein.h"
 
 // The path as its visits name it.

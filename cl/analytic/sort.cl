@@ -10,7 +10,7 @@
 // The paper's third and fourth tests compare one segment's ends with the other's line. For segments
 // that do not cross they say which is in front in the middle of their common time, and that is
 // what is compared: it holds where two pieces meet and rounding upsets the tests.
-#include "analytic/tile.h"
+#include "analytic/tile_of_rows.h"
 
 // The arrays of one sample: Tile.sorting, where its segments are ranked.
 typedef struct {

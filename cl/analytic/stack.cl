@@ -4,14 +4,15 @@
 // The front envelope of what is opaque ends every stack. It and what is translucent are swept
 // together in order of time (Bentley & Ottmann 1979, for curves that may cross five times): a list
 // of what is there, front to back, changes only where an interval begins or ends, and where two
-// neighbours change order, at the exact times of depth.h. From one change that can be seen to the
-// next the list gives a stack: one span for each of its layers, all with the same times. It ends
-// with what is opaque, or where so little light passes that nothing more can be seen. Each change
-// takes time in proportion to what is there.
+// neighbours change order, at the exact times of depth_curve.h. From one change that can be seen to
+// the next the list gives a stack: one span for each of its layers, all with the same times. It
+// ends with what is opaque, or where so little light passes that nothing more can be seen. Each
+// change takes time in proportion to what is there.
 //
-// Mirrors and what is seen in them are translucent here: mirrors.h says what of the list is seen.
+// Mirrors and what is seen in them are translucent here: mirror_walk.h says what of the list is
+// seen.
 #include "analytic/envelope.cl"
-#include "analytic/mirrors.h"
+#include "analytic/mirror_walk.h"
 
 // A sample's sweep: what is there now, and what of it is seen.
 typedef struct {
@@ -156,7 +157,7 @@ static bool sweep(Tile *tile, Sweep *s, global const int *order, int count)
 static inline bool may_be_covered(const Tile *tile, uint path)
 {
 #ifdef MIRRORS
-    return mesh_of(tile, path)->world == 0u;
+    return mesh_of(&tile->scene, path)->world == 0u;
 #else
     return true;
 #endif

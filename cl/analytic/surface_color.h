@@ -2,7 +2,7 @@
 #ifndef MB_SURFACE_COLOR_H
 #define MB_SURFACE_COLOR_H
 
-#include "analytic/tile.h"
+#include "analytic/tile_of_rows.h"
 #include "shared/attributes.h"
 
 // Whether the colour is not the same all over the path.

@@ -11,7 +11,7 @@
 // lost when a pool is full: the piece of the tile at hand is done again in halves. Only when a
 // single row of samples does not fit is the tile given back to the host, which has larger pools, or
 // when there is no room for its events, which the host has emptied the pool for next time.
-#include "analytic/tile.h"
+#include "analytic/tile_of_rows.h"
 #ifdef PLACED
 #include "analytic/place.cl"
 #endif

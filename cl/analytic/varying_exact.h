@@ -3,9 +3,9 @@
 #ifndef MB_VARYING_EXACT_H
 #define MB_VARYING_EXACT_H
 
-#include "analytic/tile.h"
+#include "analytic/tile_of_rows.h"
 #include "shared/attributes.h"
-#include "analytic/depth.h"
+#include "analytic/depth_curve.h"
 #include "analytic/edges.h"
 
 typedef struct {

@@ -3,8 +3,8 @@
 #ifndef MB_VARYING_SURFACE_H
 #define MB_VARYING_SURFACE_H
 
-#include "analytic/surface.h"
-#include "analytic/tile.h"
+#include "analytic/swept_surface.h"
+#include "analytic/tile_of_rows.h"
 #include "shared/attributes.h"
 
 typedef struct {

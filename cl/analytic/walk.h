@@ -3,7 +3,7 @@
 #ifndef MB_WALK_H
 #define MB_WALK_H
 
-#include "analytic/tile.h"
+#include "analytic/tile_of_rows.h"
 
 // First and last column of the rows first_row ... first_row + 15 (of one layer) that the path may
 // cover, last < first where there is none. Returns whether there is any.

@@ -40,4 +40,9 @@ typedef struct {
 #endif
 } Scene;
 
+static inline global const Mesh *mesh_of(const Scene *scene, uint path)
+{
+    return scene->meshes + scene->paths[path].mesh;
+}
+
 #endif

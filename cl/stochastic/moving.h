@@ -18,7 +18,7 @@
 #ifndef MB_MOVING_H
 #define MB_MOVING_H
 
-#include "stochastic/tile.h"
+#include "stochastic/tile_of_slabs.h"
 #include "shared/shear.h"
 
 typedef struct {

@@ -1,5 +1,5 @@
 // Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and count.
-#include "stochastic/tile.h"
+#include "stochastic/tile_of_slabs.h"
 #include "shared/film.h" // after the pragma that forbids to contract
 
 #ifdef WEIGHTED

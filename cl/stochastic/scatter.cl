@@ -4,7 +4,7 @@
 // Sobol points are stratified in time and on the lens jointly: these are the first three dimensions
 // where there is a lens, time and place where there is none. Other patterns draw each effect's
 // coordinates on their own.
-#include "stochastic/tile.h"
+#include "stochastic/tile_of_slabs.h"
 #include "stochastic/scramble.h"
 #include "shared/lens.h"
 #include "shared/shutter.h"

@@ -5,7 +5,7 @@
 // pixel that see the same triangle, at their mean place and time, as multisampling does
 // (SHADE_PIXEL; with SHADE_HYBRID only what does not move, Akenine-Moeller et al. 2007, 5). Samples
 // are points, which is why textures are read at their finest level.
-#include "stochastic/surface.h"
+#include "stochastic/surface_at_samples.h"
 
 // Sign of the filter's weight at a sample: only one with negative lobes has two.
 static inline float sign_of_sample(const Tile *tile, int index, int pixel)

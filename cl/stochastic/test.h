@@ -3,9 +3,9 @@
 #define MB_TEST_H
 
 #include "stochastic/moving.h"
-#include "stochastic/mirrors.h"
+#include "stochastic/mirror_samples.h"
 #ifdef TRANSLUCENT
-#include "stochastic/surface.h"
+#include "stochastic/surface_at_samples.h"
 
 // Samples at which what is translucent is there: each surface with its alpha's probability, drawn
 // for it and the sample alone (Enderton et al. 2010, 3). Nothing needs an order then, and the mean

@@ -5,7 +5,7 @@
 #ifndef MB_TEXELS_H
 #define MB_TEXELS_H
 
-#include "stochastic/tile.h"
+#include "stochastic/tile_of_slabs.h"
 #include "shared/textures.h"
 
 static void fetch_line(Tile *tile, uint line, int set)

@@ -1,12 +1,12 @@
 // The stochastic path, tile by tile. Each work-item takes tiles from a queue until it is empty and
 // runs the stages on them in order: scatter, sample, shade for one group of slabs after the other,
 // then resolve.
-#include "stochastic/tile.h"
+#include "stochastic/tile_of_slabs.h"
 #include "stochastic/scatter.cl"
 #include "stochastic/cull/cull.h"
 #include "stochastic/shade.cl"
 #ifdef SKY
-#include "stochastic/sky.h"
+#include "stochastic/sky_at_samples.h"
 #endif
 #include "stochastic/resolve.cl"
 

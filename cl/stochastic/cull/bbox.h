@@ -33,4 +33,4 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
     return mask;
 }
 
-#include "stochastic/cull/scan.h"
+#include "stochastic/cull/scan_paths.h"

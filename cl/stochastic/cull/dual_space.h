@@ -154,4 +154,4 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
     return mask & (tau >= b->t_low) & (tau <= b->t_high);
 }
 
-#include "stochastic/cull/scan.h"
+#include "stochastic/cull/scan_paths.h"

@@ -56,4 +56,4 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
                              & (bounded->y + size >= top) & (bounded->y - size <= bottom)));
 }
 
-#include "stochastic/cull/scan.h"
+#include "stochastic/cull/scan_paths.h"

@@ -65,4 +65,4 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
            & (bounded->y + size >= vload16(0, top)) & (bounded->y - size <= vload16(0, bottom));
 }
 
-#include "stochastic/cull/scan.h"
+#include "stochastic/cull/scan_paths.h"

@@ -34,4 +34,4 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
     return mask & (tau >= cull->t_low) & (tau <= cull->t_high);
 }
 
-#include "stochastic/cull/scan.h"
+#include "stochastic/cull/scan_paths.h"

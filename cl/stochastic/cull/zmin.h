@@ -5,7 +5,7 @@
 // Operations: path 222 (300), tile 8, sample 0.
 // With ZMIN_STRATA also 22 for each slab.
 #include "stochastic/cull/box.h"
-#include "stochastic/cull/depth.h"
+#include "stochastic/cull/depth_bounds.h"
 
 #define FIRST_KNOWN
 
@@ -53,4 +53,4 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
     return mask;
 }
 
-#include "stochastic/cull/scan.h"
+#include "stochastic/cull/scan_paths.h"

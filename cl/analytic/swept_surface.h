@@ -6,8 +6,8 @@
 // caps; side s has faces 2 + 4 s ...: towards its start edge, its q edge, its end edge, its p edge.
 // A crossed side has only the second and the fourth. Edges 0-2 bound the first cap, 3-5 the last,
 // 6-8 join the corners in time, 9 + 4 s ... join p0, q0, q1, p1 of side s to its point.
-#ifndef MB_SURFACE_H
-#define MB_SURFACE_H
+#ifndef MB_SWEPT_SURFACE_H
+#define MB_SWEPT_SURFACE_H
 
 #include "shared/records.h"
 

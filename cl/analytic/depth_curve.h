@@ -1,7 +1,7 @@
 // Exact depth of motion paths at a sample: w(t) = d / e with d cubic and e quadratic in time, and
 // the times at which two of them change order.
-#ifndef MB_DEPTH_H
-#define MB_DEPTH_H
+#ifndef MB_DEPTH_CURVE_H
+#define MB_DEPTH_CURVE_H
 
 #include "analytic/edges.h"
 #include "shared/bernstein.h"

@@ -1,9 +1,9 @@
 // What samples see that see no surface: the environment, without alpha.
-#ifndef MB_STOCHASTIC_SKY_H
-#define MB_STOCHASTIC_SKY_H
+#ifndef MB_SKY_AT_SAMPLES_H
+#define MB_SKY_AT_SAMPLES_H
 
-#include "shared/sky.h"
-#include "stochastic/tile.h"
+#include "shared/gaze.h"
+#include "stochastic/tile_of_slabs.h"
 
 // Add the light that a sample without a surface sees; stage "shade" counted the sample.
 static inline void add_light(Tile *tile, int index, float4 light)

@@ -1,8 +1,8 @@
 // Depths that a path may have for a stretch of its segment, and those that a tile has seen
 // (Akenine-Moeller et al. 2007, 3.4). The paper's second bound, from the planes of the triangle at
 // the start and the end, is left out: depth at a tile's corner is no blend of the two in between.
-#ifndef MB_CULL_DEPTH_H
-#define MB_CULL_DEPTH_H
+#ifndef MB_DEPTH_BOUNDS_H
+#define MB_DEPTH_BOUNDS_H
 
 #include "stochastic/test.h"
 

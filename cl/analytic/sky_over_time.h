@@ -6,11 +6,11 @@
 // second difference where light changes smoothly, and no more than 1/8 of its size where it has a
 // corner, as quadrature.h has it; where the latter is above `shading_error` there are twice as many
 // parts, up to eight per texel.
-#ifndef MB_ANALYTIC_SKY_H
-#define MB_ANALYTIC_SKY_H
+#ifndef MB_SKY_OVER_TIME_H
+#define MB_SKY_OVER_TIME_H
 
-#include "analytic/shutter.h"
-#include "shared/sky.h"
+#include "analytic/line_window.h"
+#include "shared/gaze.h"
 
 #define MOST_SKY_PARTS 4096
 #define NO_SKY 1e-6f // openness below which it is rounding

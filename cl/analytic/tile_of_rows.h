@@ -16,8 +16,8 @@
 // TRANSLUCENT does), GLOSSY; MOMENTARY and the layers of aov.h; RECORDED (spans for the host),
 // RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the shutter have a colour of their
 // own). Numbers are in `Numbers`.
-#ifndef MB_TILE_H
-#define MB_TILE_H
+#ifndef MB_TILE_OF_ROWS_H
+#define MB_TILE_OF_ROWS_H
 
 #include "shared/scene.h"
 #include "shared/lanes.h"

@@ -13,8 +13,8 @@
 // FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING, ROLLING_COLUMNS, TRANSLUCENT, ALPHA_VARIES,
 // VERTEX_ALPHA, SHADOWS (how many lights cast them), with SHADOW_MAP if they are looked up,
 // MIRRORS, GLOSSY, ENVIRONMENT, SKY, REFLECTIONS, STATISTICS. Other numbers are in `Numbers`.
-#ifndef MB_STOCHASTIC_TILE_H
-#define MB_STOCHASTIC_TILE_H
+#ifndef MB_TILE_OF_SLABS_H
+#define MB_TILE_OF_SLABS_H
 
 #include "shared/scene.h"
 #include "shared/lanes.h"

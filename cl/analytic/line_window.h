@@ -1,8 +1,8 @@
 // The window of a sample's line, where the shutter rolls.
-#ifndef MB_TILE_SHUTTER_H
-#define MB_TILE_SHUTTER_H
+#ifndef MB_LINE_WINDOW_H
+#define MB_LINE_WINDOW_H
 
-#include "analytic/tile.h"
+#include "analytic/tile_of_rows.h"
 #include "shared/shutter.h"
 
 // Times at which the sample's line begins and ceases to be exposed.

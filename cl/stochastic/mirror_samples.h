@@ -1,26 +1,19 @@
 // Mirrors: what samples see of the world is found first, then, of those that see a mirror, what
 // they see in it, by the same culling and tests, behind the mirror at the sample's own place and
 // time.
-#ifndef MB_STOCHASTIC_MIRRORS_H
-#define MB_STOCHASTIC_MIRRORS_H
+#ifndef MB_MIRROR_SAMPLES_H
+#define MB_MIRROR_SAMPLES_H
 
-#include "stochastic/tile.h"
+#include "stochastic/tile_of_slabs.h"
 #ifdef SKY
-#include "shared/sky.h"
-#endif
-
-#ifdef MIRRORS
-static inline global const Mesh *mesh_of(const Tile *tile, uint path)
-{
-    return tile->scene.meshes + tile->scene.paths[path].mesh;
-}
+#include "shared/gaze.h"
 #endif
 
 // Whether a path is sampled now: in mirrors what is reflected, before that all else.
 static inline bool is_sampled_now(const Tile *tile, uint path)
 {
 #ifdef MIRRORS
-    return (mesh_of(tile, path)->world != 0u) == tile->in_mirrors;
+    return (mesh_of(&tile->scene, path)->world != 0u) == tile->in_mirrors;
 #else
     return true;
 #endif
@@ -31,7 +24,7 @@ static inline bool is_sampled_now(const Tile *tile, uint path)
 // The mirror that a sample sees, or 0.
 static inline uint mirror_seen(const Tile *tile, uint owner)
 {
-    return owner == NONE ? 0u : mesh_of(tile, owner)->mirror;
+    return owner == NONE ? 0u : mesh_of(&tile->scene, owner)->mirror;
 }
 
 // Those of the samples that see the mirror of this world before `depth`.
@@ -39,7 +32,7 @@ static INLINED LaneMask seen_in_mirror(const Tile *tile, uint path, int index, L
                                        Lanes depth)
 {
     if (!tile->in_mirrors || !any_lane(mask)) return mask;
-    uint world = mesh_of(tile, path)->world;
+    uint world = mesh_of(&tile->scene, path)->world;
     int shows[LANES];
     for (int i = 0; i < LANES; i++)
         shows[i] = mirror_seen(tile, tile->mirror_owners[index + i]) == world ? -1 : 0;
@@ -122,7 +115,7 @@ static float4 with_mirrored(const Tile *tile, int index, float4 color, float4 mi
     uint owner = tile->owners[index];
     if (!mirror_seen(tile, owner)) return color;
     if (mirrored.w == 0.0f) mirrored = mirrored_behind(tile, index);
-    return mix(color, mirrored, mesh_of(tile, owner)->reflectivity);
+    return mix(color, mirrored, mesh_of(&tile->scene, owner)->reflectivity);
 }
 
 #endif

@@ -5,24 +5,17 @@
 // k. So what is reflected shows only where the mirror is, behind it and not behind what hides it,
 // and is cut off at the mirror's plane; what stands behind the mirror in world 0 hides nothing of
 // it.
-#ifndef MB_MIRRORS_H
-#define MB_MIRRORS_H
+#ifndef MB_MIRROR_WALK_H
+#define MB_MIRROR_WALK_H
 
-#include "analytic/tile.h"
-
-#ifdef MIRRORS
-static inline global const Mesh *mesh_of(const Tile *tile, uint path)
-{
-    return tile->scene.meshes + tile->scene.paths[path].mesh;
-}
-#endif
+#include "analytic/tile_of_rows.h"
 
 // Whether a walk from the eye that comes to this path in `world` sees it; where it is a mirror the
 // world changes.
 static inline bool walk_sees(const Tile *tile, uint path, uint *world)
 {
 #ifdef MIRRORS
-    global const Mesh *mesh = mesh_of(tile, path);
+    global const Mesh *mesh = mesh_of(&tile->scene, path);
     if (mesh->world != *world) return false;
     if (mesh->mirror) *world = mesh->mirror;
 #endif
@@ -33,7 +26,7 @@ static inline bool walk_sees(const Tile *tile, uint path, uint *world)
 static inline float alpha_of_path(const Tile *tile, uint path)
 {
 #ifdef MIRRORS
-    global const Mesh *mesh = mesh_of(tile, path);
+    global const Mesh *mesh = mesh_of(&tile->scene, path);
     if (mesh->mirror) return 1.0f - mesh->reflectivity;
 #endif
     return tile->scene.paths[path].alpha;
@@ -45,7 +38,7 @@ static inline uint mirror_among(const Tile *tile, global const Span *spans, uint
 {
 #ifdef MIRRORS
     for (uint i = 0; i < count; i++)
-        if (mesh_of(tile, spans[i].source)->mirror) return i;
+        if (mesh_of(&tile->scene, spans[i].source)->mirror) return i;
 #endif
     return count;
 }

@@ -5,8 +5,8 @@
 // begin_path, whether a path is scanned at all; bound_pixels, which of a block's pixels it may
 // touch; and keep_samples, which of their samples are tested. Samples at times of other motion
 // segments never are.
-#ifndef MB_SCAN_H
-#define MB_SCAN_H
+#ifndef MB_SCAN_PATHS_H
+#define MB_SCAN_PATHS_H
 
 #include "stochastic/test.h"
 

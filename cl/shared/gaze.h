@@ -1,6 +1,6 @@
 // The environment behind everything, as samples see it at times of the shutter.
-#ifndef MB_SKY_H
-#define MB_SKY_H
+#ifndef MB_GAZE_H
+#define MB_GAZE_H
 
 #include "shared/cube_map.h"
 #include "shared/mirror_planes.h"
