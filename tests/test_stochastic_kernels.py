@@ -49,7 +49,7 @@ def test_nothing_of_roots_or_intervals_is_shared():
             text = (kernel_root() / file).read_text(encoding="utf-8")
             waiting += re.findall(r'#include "([^"]+)"', text)
     assert not [file for file in seen if file.startswith("analytic")]
-    assert not seen & {"shared/bernstein.h", "shared/quintic.h", "shared/wide.h"}
+    assert not seen & {"shared/bernstein.h", "shared/quintic.h"}
     assert "stochastic/cull/dual_space.h" in seen
 
 

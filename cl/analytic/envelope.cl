@@ -86,14 +86,14 @@ static void rank_keys(global float *keys, int count, global int *ranks)
 {
     for (int k = count; k % LANES != 0; k++) keys[k] = INFINITY;
     for (int first = 0; first < count; first += LANES) {
-        Lanes key = vload16(0, keys + first);
-        LaneMask place = convert_int16(LANE_INDEX), rank = 0;
+        Lanes key = lanes_load(keys + first);
+        LaneMask place = to_lane_ints(LANE_INDEX), rank = 0;
         int last = min(first + LANES, count);
         for (int k = 0; k < first; k++) rank -= keys[k] <= key;
         for (int k = first; k < last; k++)
             rank -= (keys[k] < key) | ((keys[k] == key) & (k - first < place));
         for (int k = last; k < count; k++) rank -= keys[k] < key;
-        vstore16(rank, 0, ranks + first);
+        lanes_store(rank, ranks + first);
     }
 }
 

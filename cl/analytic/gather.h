@@ -4,7 +4,7 @@
 
 #include "analytic/edges.h"
 #include "analytic/walk.h"
-#include "shared/wide.h"
+#include "shared/lanes.h"
 
 // A path on a piece of a tile, how far the walk has come, and the samples at hand.
 typedef struct {
@@ -19,7 +19,7 @@ typedef struct {
 #ifdef GLOSSY
     Shear shear;
     double height[6];               // of the vertices over the plane that they are sheared along
-    float a[WIDE], b[WIDE];
+    float a[DOUBLES], b[DOUBLES];
 #endif
     double open, length;            // of its motion segment, in the shutter
     double slack;                   // of times that are rounded to float32, in the segment's
@@ -27,17 +27,17 @@ typedef struct {
     int block, row, column;         // first row of 16, row within them, next column
     int first[LANES], last[LANES];  // columns of each row
     int waiting;
-    int samples[WIDE];
-    float x[WIDE], y[WIDE];
+    int samples[DOUBLES];
+    float x[DOUBLES], y[DOUBLES];
 #ifdef LENS
-    float u[WIDE], v[WIDE];
+    float u[DOUBLES], v[DOUBLES];
 #endif
 } Gather;
 
 // Give the lanes that no sample fills something to compute with.
 static void clear_gather(Gather *g)
 {
-    for (int i = 0; i < WIDE; i++) {
+    for (int i = 0; i < DOUBLES; i++) {
         g->x[i] = g->y[i] = 0.0f;
 #ifdef LENS
         g->u[i] = g->v[i] = 0.0f;
@@ -125,7 +125,7 @@ static bool gather_samples(const Tile *tile, Gather *g)
 #ifdef GLOSSY
             g->a[g->waiting] = place.a, g->b[g->waiting] = place.b;
 #endif
-            if (++g->waiting == WIDE) {
+            if (++g->waiting == DOUBLES) {
                 g->column++;
                 return true;
             }
@@ -156,19 +156,19 @@ static inline Place gathered_place(const Gather *g, int i)
 #ifdef GLOSSY
 // What is added to x, y or w (0, 1, 2) of vertex i for each sample at hand: the same operations as
 // shear_triangle.
-static INLINED Wide gathered_shear(const Gather *g, int i, int which)
+static INLINED Doubles gathered_shear(const Gather *g, int i, int which)
 {
     const double *a = g->shear.tilt[i / 3][0], *b = g->shear.tilt[i / 3][1];
     if (g->shear.any)
-        return g->height[i] * (convert_double8(vload8(0, g->a)) * a[which]
-                               + convert_double8(vload8(0, g->b)) * b[which]);
-    return (Wide)(0.0);
+        return g->height[i] * (to_doubles(doubles_load(g->a)) * a[which]
+                               + to_doubles(doubles_load(g->b)) * b[which]);
+    return (Doubles)(0.0);
 }
 #endif
 
-static INLINED Wide gathered_w(const Gather *g, int i)
+static INLINED Doubles gathered_w(const Gather *g, int i)
 {
-    Wide w = g->triangle.w[i];
+    Doubles w = g->triangle.w[i];
 #ifdef GLOSSY
     w += gathered_shear(g, i, 2);
 #endif
@@ -176,28 +176,28 @@ static INLINED Wide gathered_w(const Gather *g, int i)
 }
 
 // Vertex i relative to each sample at hand: the same operations as shifted_x and shifted_y.
-static INLINED Wide gathered_x(const Gather *g, int i)
+static INLINED Doubles gathered_x(const Gather *g, int i)
 {
-    Wide x = g->triangle.x[i];
+    Doubles x = g->triangle.x[i];
 #ifdef GLOSSY
     x += gathered_shear(g, i, 0);
 #endif
 #ifdef LENS
-    x = fma(convert_double8(vload8(0, g->u)), (Wide)(g->triangle.circle[i]), x);
+    x = fma(to_doubles(doubles_load(g->u)), (Doubles)(g->triangle.circle[i]), x);
 #endif
-    return fma(-convert_double8(vload8(0, g->x)), gathered_w(g, i), x);
+    return fma(-to_doubles(doubles_load(g->x)), gathered_w(g, i), x);
 }
 
-static INLINED Wide gathered_y(const Gather *g, int i)
+static INLINED Doubles gathered_y(const Gather *g, int i)
 {
-    Wide y = g->triangle.y[i];
+    Doubles y = g->triangle.y[i];
 #ifdef GLOSSY
     y += gathered_shear(g, i, 1);
 #endif
 #ifdef LENS
-    y = fma(convert_double8(vload8(0, g->v)), (Wide)(g->triangle.circle[i]), y);
+    y = fma(to_doubles(doubles_load(g->v)), (Doubles)(g->triangle.circle[i]), y);
 #endif
-    return fma(-convert_double8(vload8(0, g->y)), gathered_w(g, i), y);
+    return fma(-to_doubles(doubles_load(g->y)), gathered_w(g, i), y);
 }
 
 #endif

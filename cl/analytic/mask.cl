@@ -4,14 +4,14 @@
 // ones to the path that comes first. Every run of bits of one interval is a span.
 #include "analytic/depth_curve.h"
 #include "analytic/runs.h"
-#include "shared/wide.h"
+#include "shared/lanes.h"
 
 // 1/w of the curve at eight times.
-static INLINED Wide curve_nearness(const DepthCurve *c, Wide t)
+static INLINED Doubles curve_nearness(const DepthCurve *c, Doubles t)
 {
-    Wide tau = (t - (double)c->open) / (double)c->length, s = 1.0 - tau;
-    Wide e = s * (s * c->e[0] + tau * c->e[1]) + tau * (s * c->e[1] + tau * c->e[2]);
-    Wide d = s * (s * (s * c->d[0] + tau * (3.0 * c->d[1])) + tau * (tau * (3.0 * c->d[2])))
+    Doubles tau = (t - (double)c->open) / (double)c->length, s = 1.0 - tau;
+    Doubles e = s * (s * c->e[0] + tau * c->e[1]) + tau * (s * c->e[1] + tau * c->e[2]);
+    Doubles d = s * (s * (s * c->d[0] + tau * (3.0 * c->d[1])) + tau * (tau * (3.0 * c->d[2])))
              + tau * (tau * (tau * c->d[3]));
     return e / d;
 }
@@ -41,10 +41,10 @@ static void take_nearest(const Tile *tile, int sample, const float *centres, int
     uint path = lit.interval.source;
     DepthCurve curve = depth_curve(tile, path, place_of(tile, sample));
     int low = first_bit(lit.start), high = first_bit(lit.end);
-    for (int bit = low / WIDE * WIDE; bit < high; bit += WIDE) {
-        double here[WIDE];
-        vstore8(curve_nearness(&curve, convert_double8(vload8(0, centres + bit))), 0, here);
-        for (int i = max(bit, low); i < min(bit + WIDE, high); i++) {
+    for (int bit = low / DOUBLES * DOUBLES; bit < high; bit += DOUBLES) {
+        double here[DOUBLES];
+        doubles_store(curve_nearness(&curve, to_doubles(doubles_load(centres + bit))), here);
+        for (int i = max(bit, low); i < min(bit + DOUBLES, high); i++) {
             double n = here[i - bit];
             bool nearer = owner[i] == FREE || n > nearness[i]
                           || (n == nearness[i]

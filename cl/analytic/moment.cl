@@ -75,8 +75,8 @@ static Box box_of(const Tile *tile, const MovingTriangle *m, Box box)
 static Places centres_from(const Tile *tile, int pixel)
 {
     Places places = {.y = tile->y + pixel / TILE + 0.5f};
-    float8 column = (float)(tile->x + pixel % TILE) + (float8)(0, 1, 2, 3, 4, 5, 6, 7);
-    places.x = convert_double8(column + 0.5f);
+    Floats column = (float)(tile->x + pixel % TILE) + DOUBLE_INDEX(Floats);
+    places.x = to_doubles(column + 0.5f);
 #ifdef LENS
     places.u = places.v = 0.0;
 #endif
@@ -85,22 +85,22 @@ static Places centres_from(const Tile *tile, int pixel)
 
 #ifdef ALPHA_VARIES
 // Eight pixels at whose centres enough of the path, frozen at `tau`, is there.
-static INLINED WideMask there_enough(const Tile *tile, Path path, const Resting *r, double tau,
+static INLINED DoubleMask there_enough(const Tile *tile, Path path, const Resting *r, double tau,
                                      Places places)
 {
-    if (!(path.alpha < 0.0f)) return (WideMask)(-1);
-    Wide e[3];
+    if (!(path.alpha < 0.0f)) return (DoubleMask)(-1);
+    Doubles e[3];
     edges_at(r, &places, e);
-    Wide sum = (e[0] + e[1]) + e[2];
+    Doubles sum = (e[0] + e[1]) + e[2];
     Lanes weights[6];
     for (int i = 0; i < 3; i++) {
-        float8 begin = convert_float8(e[i] / sum * (1.0 - tau));
-        float8 end = convert_float8(e[i] / sum * tau);
+        Floats begin = to_floats(e[i] / sum * (1.0 - tau));
+        Floats end = to_floats(e[i] / sum * tau);
         weights[i] = weights[i + 3] = 0.0f;
-        weights[i].lo = begin, weights[i + 3].lo = end;
+        FIRST_HALF(weights[i]) = begin, FIRST_HALF(weights[i + 3]) = end;
     }
-    Lanes alpha = alpha_at_weights(&tile->scene, r->index, weights, WIDE);
-    return convert_long8(alpha.lo >= ALPHA_THERE); // nor where it is seen edge-on
+    Lanes alpha = alpha_at_weights(&tile->scene, r->index, weights, DOUBLES);
+    return to_double_mask(FIRST_HALF(alpha) >= ALPHA_THERE); // nor where it is seen edge-on
 }
 #endif
 
@@ -115,10 +115,10 @@ static void see_frozen(Tile *tile, Path path, const MovingTriangle *moving, Rest
     set_edges(r);
     box = box_of(tile, &r->triangle, box);
     for (int y = box.y_low; y < box.y_high; y++)
-        for (int x = box.x_low / WIDE * WIDE; x < box.x_high; x += WIDE) {
+        for (int x = box.x_low / DOUBLES * DOUBLES; x < box.x_high; x += DOUBLES) {
             int pixel = y * TILE + x;
             Places places = centres_from(tile, pixel);
-            WideMask mask = columns_between(x, box.x_low, box.x_high - 1);
+            DoubleMask mask = columns_between(x, box.x_low, box.x_high - 1);
 #ifdef ALPHA_VARIES
             mask &= there_enough(tile, path, r, tau, places);
 #endif

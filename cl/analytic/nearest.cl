@@ -5,7 +5,7 @@
 // sample that lies on one. Without a lens they are linear in the sample's place.
 #include "analytic/edges.h"
 #include "analytic/walk.h"
-#include "shared/wide.h"
+#include "shared/lanes.h"
 
 // A triangle at rest, or as it is at one moment.
 typedef struct {
@@ -17,9 +17,9 @@ typedef struct {
 
 // Where eight neighbours of a row lie.
 typedef struct {
-    Wide x, y;
+    Doubles x, y;
 #ifdef LENS
-    Wide u, v;
+    Doubles u, v;
 #endif
 } Places;
 
@@ -49,17 +49,17 @@ static Places places_from(const Tile *tile, int sample)
 {
     Places places;
 #ifdef PLACED
-    for (int i = 0; i < WIDE; i++) {
+    for (int i = 0; i < DOUBLES; i++) {
         Place place = tile->places[sample + i];
-        ((double *)&places.x)[i] = place.x, ((double *)&places.y)[i] = place.y;
+        LANE(double, places.x, i) = place.x, LANE(double, places.y, i) = place.y;
 #ifdef LENS
-        ((double *)&places.u)[i] = place.u, ((double *)&places.v)[i] = place.v;
+        LANE(double, places.u, i) = place.u, LANE(double, places.v, i) = place.v;
 #endif
     }
 #else
     int row = sample / TILE; // what follows is place_of's sum
-    float8 column = (float)(tile->x + sample % TILE) + (float8)(0, 1, 2, 3, 4, 5, 6, 7);
-    places.x = convert_double8(column + tile->scene.slots[tile->layer + row / TILE].x_low);
+    Floats column = (float)(tile->x + sample % TILE) + DOUBLE_INDEX(Floats);
+    places.x = to_doubles(column + tile->scene.slots[tile->layer + row / TILE].x_low);
     places.y = sample_y(tile, row);
 #endif
     return places;
@@ -67,24 +67,24 @@ static Places places_from(const Tile *tile, int sample)
 
 static inline Place place_of_lane(const Places *places, int i)
 {
-    Place place = {((const double *)&places->x)[i], ((const double *)&places->y)[i], 0.0f, 0.0f};
+    Place place = {LANE(double, places->x, i), LANE(double, places->y, i), 0.0f, 0.0f};
 #ifdef LENS
-    place.u = ((const double *)&places->u)[i], place.v = ((const double *)&places->v)[i];
+    place.u = LANE(double, places->u, i), place.v = LANE(double, places->v, i);
 #endif
     return place;
 }
 
 // Values of the three edge functions.
-static inline void edges_at(const Resting *r, const Places *places, Wide *e)
+static inline void edges_at(const Resting *r, const Places *places, Doubles *e)
 {
 #ifdef LENS
     const MovingTriangle *m = &r->triangle;
-    Wide x[3], y[3]; // the same operations as shifted_x and shifted_y
+    Doubles x[3], y[3]; // the same operations as shifted_x and shifted_y
     for (int i = 0; i < 3; i++) {
-        x[i] = fma(places->u, (Wide)(m->circle[i]), (Wide)(m->x[i]));
-        y[i] = fma(places->v, (Wide)(m->circle[i]), (Wide)(m->y[i]));
-        x[i] = fma(-places->x, (Wide)(m->w[i]), x[i]);
-        y[i] = fma(-places->y, (Wide)(m->w[i]), y[i]);
+        x[i] = fma(places->u, (Doubles)(m->circle[i]), (Doubles)(m->x[i]));
+        y[i] = fma(places->v, (Doubles)(m->circle[i]), (Doubles)(m->y[i]));
+        x[i] = fma(-places->x, (Doubles)(m->w[i]), x[i]);
+        y[i] = fma(-places->y, (Doubles)(m->w[i]), y[i]);
     }
     for (int i = 0; i < 3; i++) {
         int p = edge_first(m, i), q = edge_second(m, i);
@@ -92,8 +92,10 @@ static inline void edges_at(const Resting *r, const Places *places, Wide *e)
         e[i] = sign * fma(x[p], y[q], -(x[q] * y[p]));
     }
 #else
-    for (int i = 0; i < 3; i++)
-        e[i] = fma((Wide)(r->x[i]), places->x, fma((Wide)(r->y[i]), places->y, (Wide)(r->at[i])));
+    for (int i = 0; i < 3; i++) {
+        e[i] = fma((Doubles)(r->y[i]), places->y, (Doubles)(r->at[i]));
+        e[i] = fma((Doubles)(r->x[i]), places->x, e[i]);
+    }
 #endif
 }
 
@@ -117,37 +119,37 @@ static double static_depth_at(const Resting *r, Place place)
 // The depth of the triangle, where `allowed`, into the z-buffer of eight samples from `sample` on;
 // ties go to the path that comes first.
 static void nearest_of_lanes(Tile *tile, const Resting *r, int sample, const Places *places,
-                             const WideMask *allowed)
+                             const DoubleMask *allowed)
 {
-    WideMask mask = *allowed;
-    Wide e[3];
+    DoubleMask mask = *allowed;
+    Doubles e[3];
     edges_at(r, places, e);
-    WideMask covered = (e[0] < 0.0) & (e[1] < 0.0) & (e[2] < 0.0);
+    DoubleMask covered = (e[0] < 0.0) & (e[1] < 0.0) & (e[2] < 0.0);
     if (!r->single_sided) covered |= (e[0] > 0.0) & (e[1] > 0.0) & (e[2] > 0.0);
-    WideMask zero = mask & ((e[0] == 0.0) | (e[1] == 0.0) | (e[2] == 0.0));
+    DoubleMask zero = mask & ((e[0] == 0.0) | (e[1] == 0.0) | (e[2] == 0.0));
     covered &= mask;
-    if (!any(covered | zero)) return;
+    if (!any_double(covered | zero)) return;
     const double *depth = r->triangle.w;
-    Wide w = (e[0] * depth[0] + e[1] * depth[1] + e[2] * depth[2]) / (e[0] + e[1] + e[2]);
-    w = (covered & (w > 0.0)) ? w : (Wide)(INFINITY);
-    if (any(zero))
-        for (int i = 0; i < WIDE; i++)
-            if (((const long *)&zero)[i])
-                ((double *)&w)[i] = static_depth_at(r, place_of_lane(places, i));
-    Wide before = vload8(0, tile->static_depth + sample);
-    uint8 part = vload8(0, tile->static_part + sample);
-    WideMask first = convert_long8((uint8)(r->index) < part >> PART_BITS);
-    WideMask nearer = (w < before) | ((w == before) & (w < INFINITY) & first);
-    if (!any(nearer)) return;
-    vstore8(nearer ? w : before, 0, tile->static_depth + sample);
-    vstore8(convert_int8(nearer) ? (uint8)(r->index << PART_BITS) : part, 0,
-            tile->static_part + sample);
+    Doubles w = (e[0] * depth[0] + e[1] * depth[1] + e[2] * depth[2]) / (e[0] + e[1] + e[2]);
+    w = (covered & (w > 0.0)) ? w : (Doubles)(INFINITY);
+    if (any_double(zero))
+        for (int i = 0; i < DOUBLES; i++)
+            if (LANE(long, zero, i))
+                LANE(double, w, i) = static_depth_at(r, place_of_lane(places, i));
+    Doubles before = doubles_load(tile->static_depth + sample);
+    Uints part = doubles_load(tile->static_part + sample);
+    DoubleMask first = to_double_mask((Uints)(r->index) < part >> PART_BITS);
+    DoubleMask nearer = (w < before) | ((w == before) & (w < INFINITY) & first);
+    if (!any_double(nearer)) return;
+    doubles_store(nearer ? w : before, tile->static_depth + sample);
+    part = to_ints(nearer) ? (Uints)(r->index << PART_BITS) : part;
+    doubles_store(part, tile->static_part + sample);
 }
 
 // Columns of a row that lie from `first` to `last`.
-static INLINED WideMask columns_between(int column, int first, int last)
+static INLINED DoubleMask columns_between(int column, int first, int last)
 {
-    long8 lanes = (long)column + (long8)(0, 1, 2, 3, 4, 5, 6, 7);
+    DoubleMask lanes = (long)column + DOUBLE_INDEX(DoubleMask);
     return (lanes >= (long)first) & (lanes <= (long)last);
 }
 
@@ -156,13 +158,13 @@ static INLINED WideMask columns_between(int column, int first, int last)
 static void nearest_in_row(Tile *tile, const Resting *r, int row, int first, int last)
 {
     double near = tile->shapes[r->index].near;
-    for (int column = first / WIDE * WIDE; column <= last; column += WIDE) {
+    for (int column = first / DOUBLES * DOUBLES; column <= last; column += DOUBLES) {
         int sample = row * TILE + column;
-        Wide before = vload8(0, tile->static_depth + sample);
-        WideMask mask = columns_between(column, first, last) & (before >= near);
-        if (!any(mask)) continue;
+        Doubles before = doubles_load(tile->static_depth + sample);
+        DoubleMask mask = columns_between(column, first, last) & (before >= near);
+        if (!any_double(mask)) continue;
 #ifdef AOV_OPERATIONS
-        for (int i = 0; i < WIDE; i++) tile->tested[sample + i] -= ((const long *)&mask)[i];
+        for (int i = 0; i < DOUBLES; i++) tile->tested[sample + i] -= LANE(long, mask, i);
 #endif
         Places places = places_from(tile, sample);
         nearest_of_lanes(tile, r, sample, &places, &mask);
@@ -180,12 +182,12 @@ static void clear_nearest(Tile *tile)
 // Depth that no surface of the piece lies behind.
 static double farthest_surface(const Tile *tile)
 {
-    Wide far = 0.0;
-    for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i += WIDE)
-        far = wide_max(far, vload8(0, tile->static_depth + i));
-    double depth[WIDE], most = 0.0;
-    vstore8(far, 0, depth);
-    for (int i = 0; i < WIDE; i++) most = fmax(most, depth[i]);
+    Doubles far = 0.0;
+    for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i += DOUBLES)
+        far = doubles_max(far, doubles_load(tile->static_depth + i));
+    double depth[DOUBLES], most = 0.0;
+    doubles_store(far, depth);
+    for (int i = 0; i < DOUBLES; i++) most = fmax(most, depth[i]);
     return most;
 }
 

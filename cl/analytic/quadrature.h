@@ -73,7 +73,7 @@ static INLINED Lanes part_light(const Tile *tile, float2 window, Span span, Inst
         light[i] = after - before;
         before = after;
     }
-    return vload16(0, light);
+    return lanes_load(light);
 #else
     return LANE_INDEX < (float)p.count ? (Lanes)(1.0f / p.n) : (Lanes)(0.0f);
 #endif

@@ -37,14 +37,22 @@ static EdgePoint meet_edge(const Surface *surface, int edge, const Lanes *x, con
     return point;
 }
 
+// value - position * weight, rounded once, plus the same of the low parts.
+static INLINED Lanes lanes_shift(float value, float value_low, Lanes position, float weight,
+                                 float weight_low)
+{
+    return fma(-position, (Lanes)(weight), (Lanes)(value))
+           + fma(-position, (Lanes)(weight_low), (Lanes)(value_low));
+}
+
 static INLINED bool append_fragments(Tile *tile, int row, int column, int count, uint part,
                                      float w_scale, LaneMask inside, Lanes t, Lanes w)
 {
     float times[LANES], ws[LANES];
     int hit[LANES];
-    vstore16(t, 0, times);
-    vstore16(w * w_scale, 0, ws);
-    vstore16(inside, 0, hit);
+    lanes_store(t, times);
+    lanes_store(w * w_scale, ws);
+    lanes_store(inside, hit);
     for (int i = 0; i < count; i++) {
         if (!hit[i]) continue;
         if (tile->fragment_count == tile->capacity) return false;
@@ -62,7 +70,7 @@ static bool rasterize_samples(Tile *tile, const Surface *surface, uint path_inde
                               float w_scale, const float *y, int row, int column, int count)
 {
     Lanes x[CORNERS];
-    Lanes sample = convert_float16((int)(tile->x + column) + convert_int16(LANE_INDEX))
+    Lanes sample = to_lanes((int)(tile->x + column) + to_lane_ints(LANE_INDEX))
                    + tile->scene.slots[tile->layer + row / TILE].x_low;
     int below = 0;
     for (int i = 0; i < CORNERS; i++) {
@@ -88,7 +96,7 @@ static bool rasterize_samples(Tile *tile, const Surface *surface, uint path_inde
         Lanes w = (a.w * to_a + b.w * to_b) * over;
         Lanes t = (a.time * to_a + b.time * to_b) * over;
         inside &= w > 0.0f;
-        if (!any(inside)) continue;
+        if (!any_lane(inside)) continue;
         if (!append_fragments(tile, row, column, count, path_index << PART_BITS | face, w_scale,
                               inside, path.open + path_length(path) * t, w))
             return false;

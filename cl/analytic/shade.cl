@@ -39,7 +39,7 @@ static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Spa
     Texture texture = tile->scene.textures[s->material.texture];
     Lanes ends = LANE_INDEX < 1.0f ? (Lanes)(span.t0) : (Lanes)(span.t1);
     Attributes a = attributes_at(s, v, &ends);
-    float2 extent = fabs((float2)(a.u.s1 - a.u.s0, a.v.s1 - a.v.s0))
+    float2 extent = fabs((float2)(first_lane(lanes_steps(a.u)), first_lane(lanes_steps(a.v))))
                     * (float2)(texture.width, texture.height);
     return log2(fmax(fmax(extent.x, extent.y) / n, 1.0f));
 #else
@@ -66,8 +66,9 @@ static void load_span_footprint(const Tile *tile, const Shaded *s, const Varying
 static inline float finest_texel(const Tile *tile, Texture texture, const Attributes *a)
 {
 #ifdef ANISOTROPY
-    return shorter_side(texture, (float2)(a->footprint.u_right.s0, a->footprint.v_right.s0),
-                        (float2)(a->footprint.u_down.s0, a->footprint.v_down.s0),
+    const Footprint *f = &a->footprint;
+    return shorter_side(texture, (float2)(first_lane(f->u_right), first_lane(f->v_right)),
+                        (float2)(first_lane(f->u_down), first_lane(f->v_down)),
                         tile->scene.numbers.anisotropy);
 #else
     return 1.0f;
@@ -82,12 +83,12 @@ static INLINED bool mirrors_closely(const Tile *tile, const Shaded *s, const Att
     CubeMap map = tile->scene.maps[s->mesh.map];
     if (!(s->material.flags & MATERIAL_METALLIC) || map.levels == 0u) return true;
     float rough = s->material.gloss_texture == NONE ? s->material.roughness : 0.0f;
-    uint level = min((uint)level_of(&map, (Lanes)(rough * rough)).s0, map.levels - 1u);
+    uint level = min((uint)first_lane(level_of(&map, (Lanes)(rough * rough))), map.levels - 1u);
     Lanes3 view = lanes_unit(lanes_scaled(rays_at(s, t), -1.0f));
     Lanes3 way = mirrored_way(normals_seen(s, a, view), view);
     Lanes3 turn = {lanes_steps(way.x), lanes_steps(way.y), lanes_steps(way.z)};
     float texel = SPACING * 2.0f / map.size[level];
-    return lanes_greatest(lanes_dot(turn, turn)) <= texel * texel;
+    return lanes_greatest_number(lanes_dot(turn, turn)) <= texel * texel;
 }
 #endif
 
@@ -106,7 +107,7 @@ static INLINED bool close_enough(const Tile *tile, const Shaded *s, const Attrib
         Texture texture = tile->scene.textures[index];
         Lanes across = fabs(lanes_steps(a->u)) * texture.width;
         Lanes down = fabs(lanes_steps(a->v)) * texture.height;
-        float texels = lanes_greatest(lanes_max(across, down));
+        float texels = lanes_greatest_number(lanes_max(across, down));
         close = texels <= SPACING * finest_texel(tile, texture, a);
         if (!can_refine(places) && !(s->material.flags & MATERIAL_MASK))
             *level = fmax(*level, log2(fmax(texels, 1.0f)));
@@ -116,7 +117,7 @@ static INLINED bool close_enough(const Tile *tile, const Shaded *s, const Attrib
     if (s->material.flags & MATERIAL_LIT) {
         Lanes3 n = lanes_unit(a->normal);
         Lanes3 turn = {lanes_steps(n.x), lanes_steps(n.y), lanes_steps(n.z)};
-        close &= lanes_greatest(lanes_dot(turn, turn)) <= s->material.turn;
+        close &= lanes_greatest_number(lanes_dot(turn, turn)) <= s->material.turn;
 #if defined(LIGHT_AROUND) && defined(METALLIC)
         close &= mirrors_closely(tile, s, a, t);
 #endif

@@ -58,7 +58,7 @@ NOT_INLINED static bool cast_shadows(const Tile *tile, Shading *s)
     CasterFunctions functions;
     caster_functions(tile, &s->receiver, &s->light, waiting, &functions);
     for (int lane = 0; lane < waiting->count && !is_dark(&s->list); lane++) {
-        if (((const long *)&functions.between)[lane] == 0) continue;
+        if (LANE(long, functions.between, lane) == 0) continue;
         SignChanges signs;
         caster_signs(&functions, lane, &signs);
         Caster caster = {waiting->path[lane], waiting->t0[lane], waiting->t1[lane], &functions,
@@ -130,13 +130,10 @@ static bool reach_of(const LightView *view, const Receiver *r, Reach *reach)
 // Whether the box lies outside of the outline.
 static inline bool misses(global const Outline *outline, const Reach *reach)
 {
-    float8 a = vload8(0, outline->a), b = vload8(0, outline->b), c = vload8(0, outline->c);
-    float8 side = c + a * (a > 0.0f ? (float8)(reach->right) : (float8)(reach->left))
-                  + b * (b > 0.0f ? (float8)(reach->bottom) : (float8)(reach->top));
-    int8 outside = side < 0.0f;
-    const int4 *part = (const int4 *)&outside;
-    int4 any = part[0] | part[1];
-    return (any.x | any.y | any.z | any.w) != 0;
+    Floats a = doubles_load(outline->a), b = doubles_load(outline->b), c = doubles_load(outline->c);
+    Floats side = c + a * (a > 0.0f ? (Floats)(reach->right) : (Floats)(reach->left))
+                  + b * (b > 0.0f ? (Floats)(reach->bottom) : (Floats)(reach->top));
+    return any_int(side < 0.0f);
 }
 
 // Dim the list by the paths of one tile of a view, from near to far. Paths that have been dealt
@@ -184,7 +181,7 @@ static bool turns_away(const Tile *tile, const Shading *s, bool seen_from_front)
     Quadratic normals = plane_normals(corners);
     Doubles d[4];
     side_of_light(&s->light, corners, &normals, d);
-    return none_of(seen_from_front ? any_below(d, 4) : any_above(d, 4));
+    return !any_double(seen_from_front ? any_below(d, 4) : any_above(d, 4));
 }
 
 // Whether the path's front is what the sample sees from t0 to t1.

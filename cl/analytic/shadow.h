@@ -37,7 +37,7 @@ static void light_along(const Tile *tile, float2 window, Span span, Instants pla
                               : share_between(tile, steps, window, span.t0 + size * part,
                                               span.t0 + size * (part + 1));
         }
-        lit[light] = vload16(0, share);
+        lit[light] = lanes_load(share);
         while (steps->t < INFINITY) steps++;
         steps++;
     }

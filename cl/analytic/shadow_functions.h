@@ -150,11 +150,11 @@ static INLINED void load_casters(const Tile *tile, const Casters *casters, doubl
     }
     for (int i = 0; i < 3; i++) {
         for (int end = 0; end < 2; end++) {
-            corners[i].c[end].x = vload8(0, at[i][end][0]);
-            corners[i].c[end].y = vload8(0, at[i][end][1]);
-            corners[i].c[end].z = vload8(0, at[i][end][2]);
+            corners[i].c[end].x = doubles_load(at[i][end][0]);
+            corners[i].c[end].y = doubles_load(at[i][end][1]);
+            corners[i].c[end].z = doubles_load(at[i][end][2]);
         }
-        reversed[i] = vload8(0, flags[i]);
+        reversed[i] = doubles_load(flags[i]);
     }
 }
 
@@ -163,8 +163,8 @@ static Quadratic plane_normals(const Linear *corners)
 {
     Linear u, v;
     for (int k = 0; k < 2; k++) {
-        u.c[k] = vectors_minus(corners[1].c[k], corners[0].c[k]);
-        v.c[k] = vectors_minus(corners[2].c[k], corners[0].c[k]);
+        u.c[k] = doubles_minus(corners[1].c[k], corners[0].c[k]);
+        v.c[k] = doubles_minus(corners[2].c[k], corners[0].c[k]);
     }
     return cross_over_time(u, v);
 }
@@ -179,14 +179,14 @@ static void side_of_light(const ShadowLight *light, const Linear *corners, const
                           Doubles *d)
 {
     if (light->finite) {
-        Vectors a = corners[0].c[0], b = corners[0].c[1];
-        d[0] = vectors_dot(a, n->c[0]), d[3] = vectors_dot(b, n->c[2]);
-        d[1] = (vectors_dot(b, n->c[0]) + 2.0 * vectors_dot(a, n->c[1])) / 3.0;
-        d[2] = (2.0 * vectors_dot(b, n->c[1]) + vectors_dot(a, n->c[2])) / 3.0;
+        Doubles3 a = corners[0].c[0], b = corners[0].c[1];
+        d[0] = doubles_dot(a, n->c[0]), d[3] = doubles_dot(b, n->c[2]);
+        d[1] = (doubles_dot(b, n->c[0]) + 2.0 * doubles_dot(a, n->c[1])) / 3.0;
+        d[2] = (2.0 * doubles_dot(b, n->c[1]) + doubles_dot(a, n->c[2])) / 3.0;
     } else {
         Doubles quadratic[3];
-        Vectors towards = vectors_of(towards_light(light));
-        for (int k = 0; k < 3; k++) quadratic[k] = -vectors_dot(towards, n->c[k]);
+        Doubles3 towards = doubles_of(towards_light(light));
+        for (int k = 0; k < 3; k++) quadratic[k] = -doubles_dot(towards, n->c[k]);
         quadratics_as_cubics(quadratic, d);
     }
 }
@@ -196,26 +196,26 @@ static void side_of_light(const ShadowLight *light, const Linear *corners, const
 static void side_of_point(const Linear *corners, const Quadratic *normals, const Receivers *r,
                           Doubles *out)
 {
-    Vectors a = corners[0].c[0], b = corners[0].c[1];
+    Doubles3 a = corners[0].c[0], b = corners[0].c[1];
     const Doubles *e = r->e;
     Cubic away; // a e - n
     Doubles size = 0.0, reach = 0.0;
     for (int k = 0; k < 4; k++) {
         Doubles of_a = k == 0 ? e[0] : k == 1 ? 2.0 / 3.0 * e[1] : k == 2 ? e[2] / 3.0 : 0.0;
         Doubles of_b = k == 0 ? 0.0 : k == 1 ? e[0] / 3.0 : k == 2 ? 2.0 / 3.0 * e[1] : e[2];
-        Vectors none = {0.0, 0.0, 0.0};
-        Vectors moved = vectors_added(vectors_added(none, of_a, a), of_b, b);
-        Doubles here = vectors_size(moved) + vectors_size(r->n.c[k]);
+        Doubles3 none = {0.0, 0.0, 0.0};
+        Doubles3 moved = doubles_plus(doubles_plus(none, of_a, a), of_b, b);
+        Doubles here = doubles_size(moved) + doubles_size(r->n.c[k]);
         reach = here > reach ? here : reach;
-        away.c[k] = vectors_minus(moved, r->n.c[k]);
+        away.c[k] = doubles_minus(moved, r->n.c[k]);
     }
     for (int k = 0; k < 3; k++) {
-        Doubles here = vectors_size(normals->c[k]);
+        Doubles here = doubles_size(normals->c[k]);
         size = here > size ? here : size;
     }
     dot_over_time(normals, &away, out);
     Doubles least = EQUAL_DEPTH * size * reach;
-    for (int k = 0; k < QUINTIC; k++) out[k] = magnitudes(out[k]) <= least ? 0.0 : out[k];
+    for (int k = 0; k < QUINTIC; k++) out[k] = fabs(out[k]) <= least ? 0.0 : out[k];
 }
 
 // Functions of the edges from p to q: on which side of the plane through one and the light the
@@ -228,15 +228,15 @@ NOT_INLINED static void light_edge(const ShadowLight *light, Linear p, Linear q,
         dot_over_time(&across, &r->n, out);
         return;
     }
-    Vectors towards = vectors_of(towards_light(light));
-    Vectors start = vectors_cross(vectors_minus(p.c[0], q.c[0]), towards);
-    Vectors end = vectors_cross(vectors_minus(p.c[1], q.c[1]), towards);
+    Doubles3 towards = doubles_of(towards_light(light));
+    Doubles3 start = doubles_cross(doubles_minus(p.c[0], q.c[0]), towards);
+    Doubles3 end = doubles_cross(doubles_minus(p.c[1], q.c[1]), towards);
     Quadratic slope = {{start, start, end}};
     slope.c[1].x = 0.5 * (start.x + end.x), slope.c[1].y = 0.5 * (start.y + end.y);
     slope.c[1].z = 0.5 * (start.z + end.z);
     dot_over_time(&slope, &r->n, out);
     Doubles level[3];
-    for (int k = 0; k < 3; k++) level[k] = vectors_dot(towards, across.c[k]);
+    for (int k = 0; k < 3; k++) level[k] = doubles_dot(towards, across.c[k]);
     add_product(level, r->cubic_e, out);
     for (int k = 0; k < QUINTIC; k++) out[k] = -out[k];
 }
@@ -257,7 +257,7 @@ NOT_INLINED static void caster_functions(const Tile *tile, const Receiver *recei
         int k = min(lane, casters->count - 1);
         t0[lane] = casters->t0[k], t1[lane] = casters->t1[k];
     }
-    Receivers r = spread_receiver(receiver, vload8(0, t0), vload8(0, t1), origin);
+    Receivers r = spread_receiver(receiver, doubles_load(t0), doubles_load(t1), origin);
     Linear corners[3];
     DoubleMask reversed[3];
     load_casters(tile, casters, origin, corners, reversed);
@@ -266,7 +266,7 @@ NOT_INLINED static void caster_functions(const Tile *tile, const Receiver *recei
     side_of_point(corners, &normals, &r, f->of_point);
     DoubleMask front = any_below(f->of_light, 4) & any_above(f->of_point, QUINTIC);
     DoubleMask back = any_above(f->of_light, 4) & any_below(f->of_point, QUINTIC);
-    for (int side = 0; side < 3 && !none_of(front | back); side++) {
+    for (int side = 0; side < 3 && any_double(front | back); side++) {
         Linear p = corners[side], q = corners[(side + 1) % 3], first, second;
         for (int k = 0; k < 2; k++) {
             first.c[k].x = reversed[side] ? q.c[k].x : p.c[k].x;

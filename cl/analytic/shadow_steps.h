@@ -81,7 +81,7 @@ static void caster_weights(const Caster *c, Path path, Parts parts, int first, L
         for (int i = 0; i < 3; i++) {
             double b[QUINTIC];
             for (int k = 0; k < QUINTIC; k++)
-                b[k] = ((const double *)&c->functions->edge[(i + 1) % 3][k])[c->lane];
+                b[k] = LANE(double, c->functions->edge[(i + 1) % 3][k], c->lane);
             e[i] = quintic_at(b, along), sum += e[i];
         }
         for (int i = 0; i < 3; i++) {
@@ -101,7 +101,7 @@ static int count_parts_of_light(const Tile *tile, const Shaded *s, const Lanes *
         Attributes a = blend_corners(s, weights);
         Lanes across = fabs(lanes_steps(a.u)) * texture.width;
         Lanes down = fabs(lanes_steps(a.v)) * texture.height;
-        texels = LANES * lanes_greatest(lanes_max(across, down));
+        texels = LANES * lanes_greatest_number(lanes_max(across, down));
     }
 #endif
     return (int)clamp(ceil(4.0f * texels), 16.0f, (float)MOST_PARTS);
@@ -135,7 +135,7 @@ static bool dim_by_alphas(const Tile *tile, Steps *list, const Caster *c, float 
         caster_weights(c, s.path, parts, first, weights);
         Attributes a = blend_corners(&s, weights);
         Lanes given = untested_alpha(&s, given_alpha(&tile->scene, &s, &a, LANES));
-        const float *alpha = (const float *)&given;
+        const float *alpha = &LANE(float, given, 0);
         for (int i = 0; i < min(LANES - 1, parts.n - first); i++)
             if (!dim_part(list, &s.material, part_start(parts, first + i),
                           part_start(parts, first + i + 1), alpha[i], alpha[i + 1], end))

@@ -61,12 +61,12 @@ static void caster_signs(const CasterFunctions *f, int lane, SignChanges *signs)
     double b[QUINTIC];
     signs->count = 0;
     for (int side = 0; side < 3; side++) {
-        for (int k = 0; k < QUINTIC; k++) b[k] = ((const double *)&f->edge[side][k])[lane];
+        for (int k = 0; k < QUINTIC; k++) b[k] = LANE(double, f->edge[side][k], lane);
         add_quintic(signs, b, side);
     }
-    for (int k = 0; k < 4; k++) b[k] = ((const double *)&f->of_light[k])[lane];
+    for (int k = 0; k < 4; k++) b[k] = LANE(double, f->of_light[k], lane);
     add_cubic(signs, b, LIGHT_SIDE);
-    for (int k = 0; k < QUINTIC; k++) b[k] = ((const double *)&f->of_point[k])[lane];
+    for (int k = 0; k < QUINTIC; k++) b[k] = LANE(double, f->of_point[k], lane);
     add_quintic(signs, b, POINT_SIDE);
 }
 

@@ -30,8 +30,8 @@ static INLINED Lanes sky_times(float t0, float t1, int first, int parts)
 static int sky_parts(const Tile *tile, const Gaze *gaze, float t0, float t1)
 {
     Lanes3 way = ways_of(tile, gaze, sky_times(t0, t1, 0, LANES));
-    const float *x = (const float *)&way.x, *y = (const float *)&way.y;
-    const float *z = (const float *)&way.z;
+    const float *x = &LANE(float, way.x, 0), *y = &LANE(float, way.y, 0);
+    const float *z = &LANE(float, way.z, 0);
     float turn = 0.0f; // of all but the first and the last half of a sixteenth
     for (int i = 1; i < LANES; i++)
         turn += length((float3)(x[i] - x[i - 1], y[i] - y[i - 1], z[i] - z[i - 1]));
@@ -90,7 +90,7 @@ static bool mean_sky(const Tile *tile, const Gaze *gaze, float2 window, float2 t
         for (int i = 0; parts > 1 && i < LANES; i++)
             weight[i] = light_left(tile, window, times.x + step * (first + i),
                                    times.x + step * (first + i + 1), spans, count);
-        Lanes part = vload16(0, weight);
+        Lanes part = lanes_load(weight);
         if (!(lanes_sum(part) > 0.0f)) continue;
         Lanes3 way = ways_of(tile, gaze, sky_times(times.x, times.y, first, parts));
         Lanes3 light = sky_light(&tile->scene, way, min(LANES, parts));

@@ -130,51 +130,52 @@ static bool solve_any(Tile *tile, const Gather *g, int sample, Place place)
 
 // Times that the edges so far allow: [low, high) for the front, all below zero, and the back.
 typedef struct {
-    Wide front_low, front_high, back_low, back_high;
+    Doubles front_low, front_high, back_low, back_high;
 } Ranges;
 
 // Cut the ranges by an edge function. Returns the lanes for which this can't be done: those with a
 // zero at an end or with two roots.
-static INLINED WideMask cut_ranges(Ranges *r, Wide b0, Wide b1, Wide b2)
+static INLINED DoubleMask cut_ranges(Ranges *r, Doubles b0, Doubles b1, Doubles b2)
 {
-    WideMask below = b0 < 0.0, changes = below ^ (b2 < 0.0);
-    Wide sign = below ? (Wide)(-1.0) : (Wide)(1.0);
-    Wide s0 = sign * b0, s1 = sign * b1, s2 = sign * b2;
-    Wide discriminant = s1 * s1 - s0 * s2;
-    Wide root = sqrt(changes ? discriminant : (Wide)(1.0));
-    Wide before = s1 >= 0.0 ? s1 + root : s0, after = s1 >= 0.0 ? -s2 : root - s1;
-    Wide time = changes ? before / (before + after) : (Wide)(1.0);
-    r->front_low = wide_max(r->front_low, below ? (Wide)(0.0) : time);
-    r->front_high = wide_min(r->front_high, below ? time : (Wide)(1.0));
-    r->back_low = wide_max(r->back_low, below ? time : (Wide)(0.0));
-    r->back_high = wide_min(r->back_high, below ? (Wide)(1.0) : time);
-    WideMask two = ~changes & (s1 < 0.0) & (discriminant >= -1e-9 * (s1 * s1));
+    DoubleMask below = b0 < 0.0, changes = below ^ (b2 < 0.0);
+    Doubles sign = below ? (Doubles)(-1.0) : (Doubles)(1.0);
+    Doubles s0 = sign * b0, s1 = sign * b1, s2 = sign * b2;
+    Doubles discriminant = s1 * s1 - s0 * s2;
+    Doubles root = sqrt(changes ? discriminant : (Doubles)(1.0));
+    Doubles before = s1 >= 0.0 ? s1 + root : s0, after = s1 >= 0.0 ? -s2 : root - s1;
+    Doubles time = changes ? before / (before + after) : (Doubles)(1.0);
+    r->front_low = doubles_max(r->front_low, below ? (Doubles)(0.0) : time);
+    r->front_high = doubles_min(r->front_high, below ? time : (Doubles)(1.0));
+    r->back_low = doubles_max(r->back_low, below ? time : (Doubles)(0.0));
+    r->back_high = doubles_min(r->back_high, below ? (Doubles)(1.0) : time);
+    DoubleMask two = ~changes & (s1 < 0.0) & (discriminant >= -1e-9 * (s1 * s1));
     return (b0 == 0.0) | (b2 == 0.0) | two;
 }
 
 // When the path covers each of the samples at hand: t0 < t1 where it does.
 typedef struct {
-    float t0[WIDE], t1[WIDE], near[WIDE], far[WIDE];
+    float t0[DOUBLES], t1[DOUBLES], near[DOUBLES], far[DOUBLES];
 } Covered;
 
 // What is covered in [low, high) of the motion segment, with the depths of the vertices then: what
 // lies between them is no nearer and no farther. Slack, for times are rounded to float32.
-static INLINED void store_covered(const Gather *g, Wide low, Wide high, Covered *covered)
+static INLINED void store_covered(const Gather *g, Doubles low, Doubles high, Covered *covered)
 {
-    Wide near = INFINITY, far = 0.0, before = low - g->slack, after = high + g->slack;
+    Doubles near = INFINITY, far = 0.0, before = low - g->slack, after = high + g->slack;
     for (int i = 0; i < 3; i++) {
 #ifdef GLOSSY
-        Wide w = gathered_w(g, i), speed = gathered_w(g, i + 3) - w;
+        Doubles w = gathered_w(g, i), speed = gathered_w(g, i + 3) - w;
 #else
         double w = g->w[i], speed = g->speed[i];
 #endif
-        Wide start = w + before * speed, end = w + after * speed;
-        near = wide_min(near, wide_min(start, end)), far = wide_max(far, wide_max(start, end));
+        Doubles start = w + before * speed, end = w + after * speed;
+        near = doubles_min(near, doubles_min(start, end));
+        far = doubles_max(far, doubles_max(start, end));
     }
-    vstore8(convert_float8(g->open + low * g->length), 0, covered->t0);
-    vstore8(convert_float8(g->open + high * g->length), 0, covered->t1);
-    vstore8(convert_float8(wide_max(near, 0.0)) * (1.0f - 1e-6f), 0, covered->near);
-    vstore8(convert_float8(far) * (1.0f + 1e-6f), 0, covered->far);
+    doubles_store(to_floats(g->open + low * g->length), covered->t0);
+    doubles_store(to_floats(g->open + high * g->length), covered->t1);
+    doubles_store(to_floats(doubles_max(near, 0.0)) * (1.0f - 1e-6f), covered->near);
+    doubles_store(to_floats(far) * (1.0f + 1e-6f), covered->far);
 }
 
 static inline bool append_covered(Tile *tile, const Gather *g, const Covered *c, int i)
@@ -187,9 +188,9 @@ static inline bool append_covered(Tile *tile, const Gather *g, const Covered *c,
 static bool solve_gathered(Tile *tile, const Gather *g)
 {
     const MovingTriangle *m = &g->triangle;
-    Wide px[6], py[6], b[3][3];
+    Doubles px[6], py[6], b[3][3];
     for (int i = 0; i < 6; i++) px[i] = gathered_x(g, i), py[i] = gathered_y(g, i);
-    WideMask front_lost = 0, back_lost = g->single_sided ? (WideMask)(-1) : (WideMask)(0);
+    DoubleMask front_lost = 0, back_lost = g->single_sided ? (DoubleMask)(-1) : (DoubleMask)(0);
     for (int i = 0; i < 3; i++) {
         int p = edge_first(m, i), q = edge_second(m, i), r = p + 3, t = q + 3;
         double sign = (m->reversed >> i & 1u) ? -1.0 : 1.0;
@@ -202,14 +203,14 @@ static bool solve_gathered(Tile *tile, const Gather *g)
     }
     tile->tests += g->waiting;
     count_tested(tile, g);
-    if (all(front_lost & back_lost)) return true;
+    if (!any_double(~(front_lost & back_lost))) return true;
     uint visits_before = tile->visit_count;
     Ranges ranges = {0.0, 1.0, 0.0, 1.0};
-    WideMask hard = g->shape->flags & SHAPE_BEHIND ? (WideMask)(-1) : (WideMask)(0);
+    DoubleMask hard = g->shape->flags & SHAPE_BEHIND ? (DoubleMask)(-1) : (DoubleMask)(0);
     for (int i = 0; i < 3; i++) hard |= cut_ranges(&ranges, b[i][0], b[i][1], b[i][2]);
     hard &= ~(front_lost & back_lost);
-    long is_hard[WIDE];
-    vstore8(hard, 0, is_hard);
+    long is_hard[DOUBLES];
+    doubles_store(hard, is_hard);
     Covered front, back;
     store_covered(g, ranges.front_low, ranges.front_high, &front);
     if (!g->single_sided) store_covered(g, ranges.back_low, ranges.back_high, &back);

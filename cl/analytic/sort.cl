@@ -41,13 +41,13 @@ static void rank_segments(Ranked r, global const Interval *list, int count)
     for (int i = 0; i < count; i++) r.w0[i] = least_depth(list[i]);
     for (int i = count; i % LANES != 0; i++) r.w0[i] = INFINITY; // fill up the last sixteen
     for (int first = 0; first < count; first += LANES) {
-        Lanes key = vload16(0, r.w0 + first);
-        LaneMask place = first + convert_int16(LANE_INDEX), rank = 0;
+        Lanes key = lanes_load(r.w0 + first);
+        LaneMask place = first + to_lane_ints(LANE_INDEX), rank = 0;
         for (int k = 0; k < count; k++) {
             Lanes other = r.w0[k];
             rank -= (other < key) | ((other == key) & (k > place));
         }
-        vstore16(rank, 0, r.taken + first);
+        lanes_store(rank, r.taken + first);
     }
     for (int i = 0; i < count; i++) {
         Interval interval = list[i];
@@ -70,8 +70,8 @@ static void rank_segments(Ranked r, global const Interval *list, int count)
 // others' at its start and at its end, and whether there is any.
 static INLINED LaneMask compare_segments(Ranked r, int i, int first, Lanes *at_low, Lanes *at_high)
 {
-    Lanes t0 = vload16(0, r.t0 + first), t1 = vload16(0, r.t1 + first);
-    Lanes w0 = vload16(0, r.w0 + first), slope = vload16(0, r.slope + first);
+    Lanes t0 = lanes_load(r.t0 + first), t1 = lanes_load(r.t1 + first);
+    Lanes w0 = lanes_load(r.w0 + first), slope = lanes_load(r.slope + first);
     Lanes low = lanes_max(t0, (Lanes)(r.t0[i])), high = lanes_min(t1, (Lanes)(r.t1[i]));
     *at_low = (r.w0[i] + r.slope[i] * (low - r.t0[i])) - (w0 + slope * (low - t0));
     *at_high = (r.w0[i] + r.slope[i] * (high - r.t0[i])) - (w0 + slope * (high - t0));
@@ -90,7 +90,7 @@ static int check_order(Ranked r, int count)
             wrong |= common & (at_low + at_high > 0.0f) & 1;
             wrong |= common & (at_low * at_high < 0.0f) & 2;
         }
-    return (any(wrong << 31) ? 1 : 0) | (any(wrong << 30) ? 2 : 0);
+    return (any_lane(wrong << 31) ? 1 : 0) | (any_lane(wrong << 30) ? 2 : 0);
 }
 
 // Time at which two segments that cross do so; at the ends of their common time where rounding
@@ -112,9 +112,9 @@ static float next_crossing(Ranked r, global const Interval *list, int i, int cou
         Lanes at_low, at_high;
         LaneMask crosses = compare_segments(r, i, k, &at_low, &at_high);
         crosses &= at_low * at_high < 0.0f;
-        if (!any(crosses)) continue;
+        if (!any_lane(crosses)) continue;
         int lanes[LANES];
-        vstore16(crosses, 0, lanes);
+        lanes_store(crosses, lanes);
         for (int lane = 0; lane < min(LANES, count - k); lane++) {
             if (!lanes[lane] || k + lane == i) continue;
             // In one order of arguments, so that both segments are cut at the same time.
@@ -150,10 +150,10 @@ static int find_in_front(Ranked r, int i, int start, int count)
     for (int k = start; k < count && r.near[k] < r.far[i]; k += LANES) {
         Lanes at_low, at_high;
         LaneMask in_front = compare_segments(r, i, k, &at_low, &at_high);
-        in_front &= (at_low + at_high > 0.0f) & (vload16(0, r.taken + k) == 0);
-        if (!any(in_front)) continue;
+        in_front &= (at_low + at_high > 0.0f) & (lanes_load(r.taken + k) == 0);
+        if (!any_lane(in_front)) continue;
         int lanes[LANES];
-        vstore16(in_front, 0, lanes);
+        lanes_store(in_front, lanes);
         for (int lane = 0; lane < min(LANES, count - k); lane++)
             if (lanes[lane] && k + lane != i) return k + lane;
     }

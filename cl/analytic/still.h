@@ -21,15 +21,15 @@ static Attributes still_attributes(const Tile *tile, const Still *still, const S
 {
     MovingTriangle m;
     load_moving(tile->scene.vertices, s->path, tile->shapes[still->path].flags, &m);
-    double16 x[3], y[3], e[3], sum = 0.0;
+    LaneDoubles x[3], y[3], e[3], sum = 0.0;
     for (int i = 0; i < 3; i++) {
         x[i] = m.x[i], y[i] = m.y[i];
 #ifdef LENS
-        x[i] = fma(convert_double16(vload16(0, still->u)), (double16)(m.circle[i]), x[i]);
-        y[i] = fma(convert_double16(vload16(0, still->v)), (double16)(m.circle[i]), y[i]);
+        x[i] = fma(to_lane_doubles(lanes_load(still->u)), (LaneDoubles)(m.circle[i]), x[i]);
+        y[i] = fma(to_lane_doubles(lanes_load(still->v)), (LaneDoubles)(m.circle[i]), y[i]);
 #endif
-        x[i] = fma(-convert_double16(vload16(0, still->x)), (double16)(m.w[i]), x[i]);
-        y[i] = fma(-convert_double16(vload16(0, still->y)), (double16)(m.w[i]), y[i]);
+        x[i] = fma(-to_lane_doubles(lanes_load(still->x)), (LaneDoubles)(m.w[i]), x[i]);
+        y[i] = fma(-to_lane_doubles(lanes_load(still->y)), (LaneDoubles)(m.w[i]), y[i]);
     }
     for (int i = 0; i < 3; i++) {
         int p = edge_first(&m, i), q = edge_second(&m, i);
@@ -39,7 +39,7 @@ static Attributes still_attributes(const Tile *tile, const Still *still, const S
     }
     Lanes weights[6];
     for (int i = 0; i < 3; i++) {
-        weights[i] = convert_float16(sum != 0.0 ? e[i] / sum : (double16)(1.0 / 3.0));
+        weights[i] = to_lanes(sum != 0.0 ? e[i] / sum : (LaneDoubles)(1.0 / 3.0));
         weights[i + 3] = 0.0f;
     }
     return blend_corners(s, weights);
@@ -62,23 +62,21 @@ static void shade_still(Tile *tile, Still *still)
         s.place = corner;
         load_attributes(tile, &s);
         Attributes a = still_attributes(tile, still, &s);
-        Sight sight = {s.path.open, vload16(0, still->w), vload16(0, still->x),
-                     vload16(0, still->y)};
+        Sight sight = {s.path.open, lanes_load(still->w), lanes_load(still->x),
+                     lanes_load(still->y)};
 #ifdef LENS
         // A point is seen through the middle of the lens where its circle of confusion is not.
-        sight.across -= vload16(0, still->u) * a.circle / sight.w;
-        sight.down -= vload16(0, still->v) * a.circle / sight.w;
+        sight.across -= lanes_load(still->u) * a.circle / sight.w;
+        sight.down -= lanes_load(still->v) * a.circle / sight.w;
 #endif
 #ifdef ANISOTROPY
         if (has_footprint(&s))
-            load_footprint(&tile->scene, &s, 0.0f, vload16(0, still->x), vload16(0, still->y), &a);
+            load_footprint(&tile->scene, &s, 0.0f, lanes_load(still->x), lanes_load(still->y), &a);
 #endif
         color = surface_color(tile, &s, &a, 0.0f, still->count, &sight);
     }
     for (int i = 0; i < still->count; i++)
-        tile->still[still->samples[i]] = (float4)(((const float *)&color.x)[i],
-                                                  ((const float *)&color.y)[i],
-                                                  ((const float *)&color.z)[i], 1.0f);
+        tile->still[still->samples[i]] = (float4)(LANE3(color, i), 1.0f);
     still->count = 0;
 }
 

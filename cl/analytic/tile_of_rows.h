@@ -20,7 +20,7 @@
 #define MB_TILE_OF_ROWS_H
 
 #include "shared/scene.h"
-#include "shared/lanes.h"
+#include "shared/vectors.h"
 #include "analytic/aov.h"
 #include "shared/film.h"
 

@@ -38,18 +38,18 @@ static Varying prepare_varying(const Tile *tile, const Shaded *s, Span span)
 
 static INLINED Lanes varying_depth(const Varying *v, Lanes t)
 {
-    double16 tau = (convert_double16(t) - v->depth.open) / v->depth.length, s = 1.0 - tau;
+    LaneDoubles tau = (to_lane_doubles(t) - v->depth.open) / v->depth.length, s = 1.0 - tau;
     const double *d = v->depth.d, *e = v->depth.e;
-    double16 over = s * (s * e[0] + tau * e[1]) + tau * (s * e[1] + tau * e[2]);
-    double16 c0 = s * d[0] + tau * d[1], c1 = s * d[1] + tau * d[2], c2 = s * d[2] + tau * d[3];
-    Lanes w = convert_float16((s * (s * c0 + tau * c1) + tau * (s * c1 + tau * c2)) / over);
+    LaneDoubles over = s * (s * e[0] + tau * e[1]) + tau * (s * e[1] + tau * e[2]);
+    LaneDoubles c0 = s * d[0] + tau * d[1], c1 = s * d[1] + tau * d[2], c2 = s * d[2] + tau * d[3];
+    Lanes w = to_lanes((s * (s * c0 + tau * c1) + tau * (s * c1 + tau * c2)) / over);
     return lanes_min(lanes_max(w, v->near), v->far);
 }
 
 static Attributes attributes_at(const Shaded *s, const Varying *v, const Lanes *t)
 {
-    double16 tau = (convert_double16(*t) - s->path.open) / path_length(s->path), rest = 1.0 - tau;
-    double16 e[3], sum = 0.0;
+    LaneDoubles tau = (to_lane_doubles(*t) - s->path.open) / path_length(s->path), rest = 1.0 - tau;
+    LaneDoubles e[3], sum = 0.0;
     for (int i = 0; i < 3; i++) {
         const double *b = v->edge[i];
         e[i] = rest * (rest * b[0] + tau * b[1]) + tau * (rest * b[1] + tau * b[2]);
@@ -57,8 +57,8 @@ static Attributes attributes_at(const Shaded *s, const Varying *v, const Lanes *
     }
     Lanes weights[6];
     for (int i = 0; i < 3; i++) {
-        double16 share = sum != 0.0 ? e[i] / sum : (double16)(1.0 / 3.0);
-        weights[i] = convert_float16(share * rest), weights[i + 3] = convert_float16(share * tau);
+        LaneDoubles share = sum != 0.0 ? e[i] / sum : (LaneDoubles)(1.0 / 3.0);
+        weights[i] = to_lanes(share * rest), weights[i + 3] = to_lanes(share * tau);
     }
     return blend_corners(s, weights);
 }

@@ -31,12 +31,12 @@ static bool walk_rows(const Tile *tile, global const Shape *shape, int first_row
         else right = side < -1e-2f ? (Lanes)(-1.0f) : right;
     }
     // Both lie in [-1, TILE] where the row is not empty; a column is inside if left <= x <= right.
-    int16 low = convert_int16(ceil(lanes_min(left, (Lanes)(2.0f * TILE))));
-    int16 high = convert_int16(floor(lanes_max(right, (Lanes)(-2.0f))));
-    low = max(low, (int16)(tile->x_low)); // Oclgrind knows no mixed forms
-    high = min(high, (int16)(tile->x_high - 1));
-    vstore16(low, 0, first);
-    vstore16(high, 0, last);
+    LaneInts low = to_lane_ints(ceil(lanes_min(left, (Lanes)(2.0f * TILE))));
+    LaneInts high = to_lane_ints(floor(lanes_max(right, (Lanes)(-2.0f))));
+    low = max(low, (LaneInts)(tile->x_low)); // Oclgrind knows no mixed forms
+    high = min(high, (LaneInts)(tile->x_high - 1));
+    lanes_store(low, first);
+    lanes_store(high, last);
     bool any_row = false;
     for (int i = 0; i < LANES && y + i < TILE; i++) {
         int row = first_row + i;

@@ -273,9 +273,9 @@ static INLINED Lanes alpha_at_weights(const Scene *scene, uint path, const Lanes
 
 #ifdef ANISOTROPY
 // Nothing where it is not finite, since the triangle is seen edge-on.
-static INLINED Lanes footprint_side(double16 side)
+static INLINED Lanes footprint_side(LaneDoubles side)
 {
-    Lanes near = convert_float16(side);
+    Lanes near = to_lanes(side);
     return fabs(near) < 1e6f ? near : (Lanes)(0.0f);
 }
 
@@ -297,9 +297,9 @@ static INLINED void load_footprint(const Scene *scene, const Shaded *s, float ta
         float2 uv = s->uv[i] + tau * (s->uv[i + 3] - s->uv[i]);
         all += edge, u += (double)uv.x * edge, v += (double)uv.y * edge;
     }
-    double16 at = all.x * convert_double16(x) + all.y * convert_double16(y) + all.z;
-    double16 over = (double)scene->numbers.sample_spacing / at;
-    double16 us = convert_double16(a->u), vs = convert_double16(a->v);
+    LaneDoubles at = all.x * to_lane_doubles(x) + all.y * to_lane_doubles(y) + all.z;
+    LaneDoubles over = (double)scene->numbers.sample_spacing / at;
+    LaneDoubles us = to_lane_doubles(a->u), vs = to_lane_doubles(a->v);
     a->footprint.u_right = footprint_side((u.x - us * all.x) * over);
     a->footprint.v_right = footprint_side((v.x - vs * all.x) * over);
     a->footprint.u_down = footprint_side((u.y - us * all.y) * over);

@@ -24,6 +24,6 @@
     }
 
 BITS_OF(uint, mix_bits, reverse_bits)
-BITS_OF(uint16, mix_lanes, reverse_lanes)
+BITS_OF(LaneUints, mix_lanes, reverse_lanes)
 
 #endif

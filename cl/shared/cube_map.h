@@ -7,7 +7,7 @@
 #ifndef MB_CUBE_MAP_H
 #define MB_CUBE_MAP_H
 
-#include "shared/lanes.h"
+#include "shared/vectors.h"
 #include "shared/records.h"
 
 // A place on the cube.
@@ -68,8 +68,8 @@ static Lanes3 cube_light(const CubeMap *map, global const float4 *texels, Lanes3
                          const Lanes *level, const Lanes *t, int count)
 {
     float x[LANES], y[LANES], z[LANES], levels[LANES], times[LANES];
-    vstore16(d.x, 0, x), vstore16(d.y, 0, y), vstore16(d.z, 0, z);
-    vstore16(*level, 0, levels), vstore16(*t, 0, times);
+    lanes_store(d.x, x), lanes_store(d.y, y), lanes_store(d.z, z);
+    lanes_store(*level, levels), lanes_store(*t, times);
     float found[3][LANES];
     for (int i = 0; i < LANES; i++) {
         float4 light = 0.0f;
@@ -81,7 +81,7 @@ static Lanes3 cube_light(const CubeMap *map, global const float4 *texels, Lanes3
         }
         found[0][i] = light.x, found[1][i] = light.y, found[2][i] = light.z;
     }
-    return (Lanes3){vload16(0, found[0]), vload16(0, found[1]), vload16(0, found[2])};
+    return (Lanes3){lanes_load(found[0]), lanes_load(found[1]), lanes_load(found[2])};
 }
 
 #endif

@@ -27,8 +27,8 @@ static INLINED Shares shares_at(global const float4 *table, Lanes cosine, Lanes 
                                 int count)
 {
     float x[LANES], y[LANES], found[3][LANES];
-    vstore16(cosine * (SHARE_COLUMNS - 1.0f), 0, x);
-    vstore16(roughness * (SHARE_ROWS - 1.0f), 0, y);
+    lanes_store(cosine * (SHARE_COLUMNS - 1.0f), x);
+    lanes_store(roughness * (SHARE_ROWS - 1.0f), y);
     for (int i = 0; i < LANES; i++) {
         int from = min(i, count - 1);
         int column = min((int)x[from], SHARE_COLUMNS - 2), row = min((int)y[from], SHARE_ROWS - 2);
@@ -38,7 +38,7 @@ static INLINED Shares shares_at(global const float4 *table, Lanes cosine, Lanes 
                            y[from] - row);
         found[0][i] = share.x, found[1][i] = share.y, found[2][i] = share.z;
     }
-    return (Shares){vload16(0, found[0]), vload16(0, found[1]), vload16(0, found[2])};
+    return (Shares){lanes_load(found[0]), lanes_load(found[1]), lanes_load(found[2])};
 }
 
 // Level of a map at which light is spread as by facets of that alpha: from 1 on alpha doubles from
@@ -46,9 +46,9 @@ static INLINED Shares shares_at(global const float4 *table, Lanes cosine, Lanes 
 static INLINED Lanes level_of(const CubeMap *map, Lanes alpha)
 {
     Lanes x = alpha * (float)(1u << (max(map->levels, 2u) - 2u));
-    int16 exponent = convert_int16(as_uint16(x) >> 23) - 127;
-    Lanes part = as_float16((as_uint16(x) & 0x007fffffu) | 0x3f800000u); // [1, 2)
-    return x < 1.0f ? x : convert_float16(exponent) + part;
+    LaneInts exponent = to_lane_ints(lanes_to_bits(x) >> 23) - 127;
+    Lanes part = bits_to_lanes((lanes_to_bits(x) & 0x007fffffu) | 0x3f800000u); // [1, 2)
+    return x < 1.0f ? x : to_lanes(exponent) + part;
 }
 
 #endif

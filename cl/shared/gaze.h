@@ -25,10 +25,10 @@ static inline Gaze gaze_at(Place place, uint world)
 static INLINED Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
 {
     float times[LANES], way[3][LANES], px[LANES], py[LANES];
-    vstore16(t, 0, times), vstore16(gaze->x, 0, px), vstore16(gaze->y, 0, py);
+    lanes_store(t, times), lanes_store(gaze->x, px), lanes_store(gaze->y, py);
 #ifdef LENS
     float pu[LANES], pv[LANES];
-    vstore16(gaze->u, 0, pu), vstore16(gaze->v, 0, pv);
+    lanes_store(gaze->u, pu), lanes_store(gaze->v, pv);
 #endif
     uint k = 0;
     for (int i = 0; i < LANES; i++) {
@@ -46,7 +46,7 @@ static INLINED Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
             way[row][i] = mix(start, b[0] * px[i] + b[1] * py[i] + b[2], part);
         }
     }
-    Lanes3 ways = {vload16(0, way[0]), vload16(0, way[1]), vload16(0, way[2])};
+    Lanes3 ways = {lanes_load(way[0]), lanes_load(way[1]), lanes_load(way[2])};
     ways = unsheared(scene, gaze->world, ways, gaze->a, gaze->b);
     return unmirrored(scene, gaze->world, ways);
 }

@@ -2,7 +2,7 @@
 #ifndef MB_INLINING_H
 #define MB_INLINING_H
 
-// A function that takes or returns a vector. Vectors are wider than the registers of many CPUs,
+// A function that takes or returns a vector. Doubles3 are wider than the registers of many CPUs,
 // where calls would pass them through memory. (Oclgrind does not run what this makes of them.)
 #ifndef INLINED
 #define INLINED inline __attribute__((always_inline))

@@ -2,7 +2,7 @@
 #ifndef MB_MIRROR_PLANES_H
 #define MB_MIRROR_PLANES_H
 
-#include "shared/lanes.h"
+#include "shared/vectors.h"
 #include "shared/scene.h"
 
 // Directions in the world of a mirror as they are in the real one.

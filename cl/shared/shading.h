@@ -2,7 +2,7 @@
 #ifndef MB_SHADING_H
 #define MB_SHADING_H
 
-#include "shared/lanes.h"
+#include "shared/vectors.h"
 #include "shared/records.h"
 
 // x^y for 0 < x <= 1 and y >= 0, to 1e-7 of the logarithm and 0 below 2^-40: by the series of
@@ -10,21 +10,21 @@
 // tails are denormals, which cost a hundred cycles each.
 static INLINED Lanes lanes_power(Lanes x, float y)
 {
-    int16 exponent = convert_int16(as_uint16(x) >> 23) - 127;
-    Lanes m = as_float16((as_uint16(x) & 0x007fffffu) | 0x3f800000u); // [1, 2)
-    int16 large = m > M_SQRT2_F;
+    LaneInts exponent = to_lane_ints(lanes_to_bits(x) >> 23) - 127;
+    Lanes m = bits_to_lanes((lanes_to_bits(x) & 0x007fffffu) | 0x3f800000u); // [1, 2)
+    LaneInts large = m > M_SQRT2_F;
     m = large ? 0.5f * m : m;
     exponent -= large; // true is -1
     Lanes s = (m - 1.0f) / (m + 1.0f), q = s * s;
     Lanes series = 1.0f + q * (1.0f / 3.0f + q * (0.2f + q * (1.0f / 7.0f + q * (1.0f / 9.0f))));
-    Lanes z = y * (convert_float16(exponent) + 2.0f * M_LOG2E_F * s * series);
-    int16 seen = z > -40.0f;
+    Lanes z = y * (to_lanes(exponent) + 2.0f * M_LOG2E_F * s * series);
+    LaneInts seen = z > -40.0f;
     z = seen ? z : (Lanes)(0.0f);
-    int16 whole = convert_int16(z - 0.5f);
-    Lanes f = (z - convert_float16(whole)) * M_LN2_F;
+    LaneInts whole = to_lane_ints(z - 0.5f);
+    Lanes f = (z - to_lanes(whole)) * M_LN2_F;
     Lanes e = 1.0f + f * (1.0f + f * (0.5f + f * (1.0f / 6.0f + f * (1.0f / 24.0f
               + f * (1.0f / 120.0f + f * (1.0f / 720.0f + f * (1.0f / 5040.0f)))))));
-    return seen ? e * as_float16((whole + 127) << 23) : (Lanes)(0.0f);
+    return seen ? e * bits_to_lanes((whole + 127) << 23) : (Lanes)(0.0f);
 }
 
 // Of a metallic-roughness material, at sixteen places.
@@ -170,7 +170,7 @@ static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 col
         Lanes highlight = 0.0f;
         if (shiny) {
             Lanes reflected = 2.0f * cosine * lanes_dot(normal, view) - lanes_dot(towards, view);
-            int16 shines = (reflected > 0.0f) & (cosine > 0.0f);
+            LaneInts shines = (reflected > 0.0f) & (cosine > 0.0f);
             reflected = shines ? lanes_min(reflected, (Lanes)(1.0f)) : (Lanes)(1.0f);
             highlight = lanes_power(reflected, material->shininess);
             highlight = shines ? highlight * strength : (Lanes)(0.0f);

@@ -23,13 +23,13 @@ static TextureLevel texture_level(global const float4 *texels, Texture texture, 
 }
 
 // Fold whole coordinates of texels, of less than 2^22, into [0, size).
-static INLINED int16 wrap_texels(Lanes i, int size, uint wrap)
+static INLINED LaneInts wrap_texels(Lanes i, int size, uint wrap)
 {
     if (wrap == WRAP_CLAMP)
-        return convert_int16(lanes_min(lanes_max(i, 0.0f), (Lanes)(size - 1.0f)));
+        return to_lane_ints(lanes_min(lanes_max(i, 0.0f), (Lanes)(size - 1.0f)));
     float period = wrap == WRAP_MIRROR ? 2.0f * size : size;
     i -= period * floor((i + 0.5f) / period);
-    return convert_int16(i < (float)size ? i : period - 1.0f - i);
+    return to_lane_ints(i < (float)size ? i : period - 1.0f - i);
 }
 
 // Bilinear look-ups at the first `count` places, others are zero; texel centres at one half, v
@@ -41,15 +41,15 @@ static Colors bilinear(TextureLevel level, const Lanes *u, const Lanes *v, int c
     y = lanes_min(lanes_max(y, -1e6f), (Lanes)(1e6f));
     Lanes x0 = floor(x), y0 = floor(y);
     int left[LANES], right[LANES], top[LANES], bottom[LANES];
-    vstore16(wrap_texels(x0, level.width, level.wrap), 0, left);
-    vstore16(wrap_texels(x0 + 1.0f, level.width, level.wrap), 0, right);
-    vstore16(wrap_texels(y0, level.height, level.wrap) * level.width, 0, top);
-    vstore16(wrap_texels(y0 + 1.0f, level.height, level.wrap) * level.width, 0, bottom);
+    lanes_store(wrap_texels(x0, level.width, level.wrap), left);
+    lanes_store(wrap_texels(x0 + 1.0f, level.width, level.wrap), right);
+    lanes_store(wrap_texels(y0, level.height, level.wrap) * level.width, top);
+    lanes_store(wrap_texels(y0 + 1.0f, level.height, level.wrap) * level.width, bottom);
     float across[LANES], down[LANES], r[LANES], g[LANES], b[LANES];
 #ifdef ALPHA_VARIES
     float alpha[LANES];
 #endif
-    vstore16(x - x0, 0, across), vstore16(y - y0, 0, down);
+    lanes_store(x - x0, across), lanes_store(y - y0, down);
     for (int i = 0; i < LANES; i++) {
         float4 texel = 0.0f;
         if (i < count) {
@@ -62,9 +62,9 @@ static Colors bilinear(TextureLevel level, const Lanes *u, const Lanes *v, int c
         alpha[i] = texel.w;
 #endif
     }
-    Colors found = {vload16(0, r), vload16(0, g), vload16(0, b)};
+    Colors found = {lanes_load(r), lanes_load(g), lanes_load(b)};
 #ifdef ALPHA_VARIES
-    found.alpha = vload16(0, alpha);
+    found.alpha = lanes_load(alpha);
 #endif
     return found;
 }
@@ -103,12 +103,13 @@ static inline float4 texel_in(TextureLevel level, float u, float v)
     float x = clamp(u * level.width - 0.5f, -1e6f, 1e6f);
     float y = clamp((1.0f - v) * level.height - 0.5f, -1e6f, 1e6f);
     float x0 = floor(x), y0 = floor(y);
-    int16 columns = wrap_texels(x0 + LANE_INDEX, level.width, level.wrap);
-    int16 rows = wrap_texels(y0 + LANE_INDEX, level.height, level.wrap);
-    global const float4 *upper = level.texels + rows.s0 * level.width;
-    global const float4 *lower = level.texels + rows.s1 * level.width;
-    return mix(mix(upper[columns.s0], upper[columns.s1], x - x0),
-               mix(lower[columns.s0], lower[columns.s1], x - x0), y - y0);
+    LaneInts columns = wrap_texels(x0 + LANE_INDEX, level.width, level.wrap);
+    LaneInts rows = wrap_texels(y0 + LANE_INDEX, level.height, level.wrap);
+    global const float4 *upper = level.texels + LANE(int, rows, 0) * level.width;
+    global const float4 *lower = level.texels + LANE(int, rows, 1) * level.width;
+    int left = LANE(int, columns, 0), right = LANE(int, columns, 1);
+    return mix(mix(upper[left], upper[right], x - x0), mix(lower[left], lower[right], x - x0),
+               y - y0);
 }
 
 static float4 trilinear_texel(global const float4 *texels, Texture texture, float u, float v,
@@ -159,9 +160,9 @@ static Colors texture_over(global const float4 *texels, Texture texture, const L
                            int count)
 {
     float us[LANES], vs[LANES], u_right[LANES], v_right[LANES], u_down[LANES], v_down[LANES];
-    vstore16(*u, 0, us), vstore16(*v, 0, vs);
-    vstore16(f->u_right, 0, u_right), vstore16(f->v_right, 0, v_right);
-    vstore16(f->u_down, 0, u_down), vstore16(f->v_down, 0, v_down);
+    lanes_store(*u, us), lanes_store(*v, vs);
+    lanes_store(f->u_right, u_right), lanes_store(f->v_right, v_right);
+    lanes_store(f->u_down, u_down), lanes_store(f->v_down, v_down);
     float found[4][LANES];
     for (int i = 0; i < LANES; i++) {
         float4 texel = 0.0f;
@@ -172,9 +173,9 @@ static Colors texture_over(global const float4 *texels, Texture texture, const L
         found[0][i] = texel.x, found[1][i] = texel.y, found[2][i] = texel.z;
         found[3][i] = texel.w;
     }
-    Colors c = {vload16(0, found[0]), vload16(0, found[1]), vload16(0, found[2])};
+    Colors c = {lanes_load(found[0]), lanes_load(found[1]), lanes_load(found[2])};
 #ifdef ALPHA_VARIES
-    c.alpha = vload16(0, found[3]);
+    c.alpha = lanes_load(found[3]);
 #endif
     return c;
 }

@@ -66,14 +66,6 @@ static Boxes boxes_of(global const Vertex *vertices, global const Mesh *meshes,
     return boxes;
 }
 
-static INLINED float least(Lanes a)
-{
-    const float4 *part = (const float4 *)&a;
-    float4 b = part[0] < part[1] ? part[0] : part[1], c = part[2] < part[3] ? part[2] : part[3];
-    b = b < c ? b : c;
-    return fmin(fmin(b.x, b.y), fmin(b.z, b.w));
-}
-
 // Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
 static void bin_chunk(global const Vertex *vertices, global const Path *paths,
                       global const Bounds *bounds, global const Mesh *meshes,
@@ -86,15 +78,15 @@ static void bin_chunk(global const Vertex *vertices, global const Path *paths,
     for (uint i = begin; i < end; i++) {
         if (bounds[order[i]].flags & BOUNDS_CULLED) continue;
         Boxes boxes = boxes_of(vertices, meshes, cameras, paths[order[i]], grid);
-        float top = ceil((least(boxes.top) - below) / size);
-        float bottom = floor((-least(-boxes.bottom) - grid.y_low) / size);
+        float top = ceil((lanes_least(boxes.top) - below) / size);
+        float bottom = floor((-lanes_least(-boxes.bottom) - grid.y_low) / size);
         int first = (int)fmin(fmax(top, 0.0f), (float)grid.rows);
         int last = (int)fmax(fmin(bottom, grid.rows - 1.0f), -1.0f);
         for (int row = first; row <= last; row++) {
             LaneMask in = (boxes.top <= row * size + below)
                 & (boxes.bottom >= row * size + grid.y_low);
-            float left = ceil((least(in ? boxes.left : (Lanes)(INFINITY)) - right_of) / size);
-            float right = -least(in ? -boxes.right : (Lanes)(INFINITY));
+            float left = ceil((lanes_least(in ? boxes.left : (Lanes)(INFINITY)) - right_of) / size);
+            float right = -lanes_least(in ? -boxes.right : (Lanes)(INFINITY));
             right = floor((right - grid.x_low) / size);
             int from = (int)fmin(fmax(left, 0.0f), (float)grid.columns);
             int to = (int)fmax(fmin(right, grid.columns - 1.0f), -1.0f);

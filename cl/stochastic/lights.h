@@ -9,60 +9,60 @@
 
 #ifdef GLOSSY
 // What samples' shear adds to (x, y, w) of a vertex that moves from a to b.
-static INLINED Doubles3 added_to(const Shear *shear, Vertex a, Vertex b, double16 tau,
+static INLINED LaneDoubles3 added_to(const Shear *shear, Vertex a, Vertex b, LaneDoubles tau,
                                  const Samples *s)
 {
     double first = shear_height(shear, 0, a.x, a.y, a.w);
     double last = shear_height(shear, 1, b.x, b.y, b.w);
-    double16 add[3];
+    LaneDoubles add[3];
     for (int k = 0; k < 3; k++) {
-        double16 start = first * (convert_double16(s->a) * shear->tilt[0][0][k]
-                                  + convert_double16(s->b) * shear->tilt[0][1][k]);
-        double16 end = last * (convert_double16(s->a) * shear->tilt[1][0][k]
-                               + convert_double16(s->b) * shear->tilt[1][1][k]);
+        LaneDoubles start = first * (to_lane_doubles(s->a) * shear->tilt[0][0][k]
+                                  + to_lane_doubles(s->b) * shear->tilt[0][1][k]);
+        LaneDoubles end = last * (to_lane_doubles(s->a) * shear->tilt[1][0][k]
+                               + to_lane_doubles(s->b) * shear->tilt[1][1][k]);
         add[k] = start + tau * (end - start);
     }
-    return (Doubles3){add[0], add[1], add[2]};
+    return (LaneDoubles3){add[0], add[1], add[2]};
 }
 #endif
 
 // Where samples see the path, in the world from the first eye: the mean of its vertices by the
 // samples' edge functions.
-static Doubles3 points_seen(const Tile *tile, Path path, const Samples *samples)
+static LaneDoubles3 points_seen(const Tile *tile, Path path, const Samples *samples)
 {
-    double16 tau = (convert_double16(samples->t) - path.open) / path_length(path);
-    double16 x = convert_double16(samples->x) + (tile->x + HALF);
-    double16 y = convert_double16(samples->y) + (tile->y + HALF);
+    LaneDoubles tau = (to_lane_doubles(samples->t) - path.open) / path_length(path);
+    LaneDoubles x = to_lane_doubles(samples->x) + (tile->x + HALF);
+    LaneDoubles y = to_lane_doubles(samples->y) + (tile->y + HALF);
     const uint corner[3] = {path.a, path.b, path.c};
-    double16 px[3], py[3], e[3];
+    LaneDoubles px[3], py[3], e[3];
 #ifdef GLOSSY
     Shear shear = load_shear(tile->scene.cameras, tile->scene.meshes + path.mesh, path);
 #endif
     for (int i = 0; i < 3; i++) {
         Vertex a = tile->scene.vertices[corner[i]], b = tile->scene.vertices[corner[i] + path.step];
-        double16 w = a.w + tau * (b.w - a.w);
+        LaneDoubles w = a.w + tau * (b.w - a.w);
         px[i] = a.x + tau * (b.x - a.x), py[i] = a.y + tau * (b.y - a.y);
 #ifdef LENS
-        double16 circle = a.circle + tau * (b.circle - a.circle);
-        px[i] += convert_double16(samples->u) * circle;
-        py[i] += convert_double16(samples->v) * circle;
+        LaneDoubles circle = a.circle + tau * (b.circle - a.circle);
+        px[i] += to_lane_doubles(samples->u) * circle;
+        py[i] += to_lane_doubles(samples->v) * circle;
 #endif
 #ifdef GLOSSY
-        Doubles3 more = added_to(&shear, a, b, tau, samples);
+        LaneDoubles3 more = added_to(&shear, a, b, tau, samples);
         px[i] += more.x, py[i] += more.y, w += more.z;
 #endif
         px[i] -= x * w, py[i] -= y * w;
     }
-    double16 sum = 0.0;
+    LaneDoubles sum = 0.0;
     for (int i = 0; i < 3; i++) {
         int p = (i + 1) % 3, q = (i + 2) % 3;
         e[i] = px[p] * py[q] - px[q] * py[p];
         sum += e[i];
     }
-    Doubles3 seen = {0.0, 0.0, 0.0};
+    LaneDoubles3 seen = {0.0, 0.0, 0.0};
     for (int i = 0; i < 3; i++) {
-        double16 share = sum != 0.0 ? e[i] / sum : (double16)(1.0 / 3.0);
-        seen = doubles_added(seen, share,
+        LaneDoubles share = sum != 0.0 ? e[i] / sum : (LaneDoubles)(1.0 / 3.0);
+        seen = lane_doubles_plus(seen, share,
                              world_at(&tile->occluders, corner[i], path.step, tau));
     }
     return seen;
@@ -91,18 +91,18 @@ static INLINED bool is_hidden(const Tile *tile, uint index, double3 p, float t)
 }
 
 static INLINED Lanes mapped_share(const Tile *tile, const ShadowLight *light,
-                                  const Doubles3 *points, Lanes t)
+                                  const LaneDoubles3 *points, Lanes t)
 {
     float share[LANES];
     for (int i = 0; i < LANES; i++) {
-        double3 p = (double3)(((const double *)&points->x)[i], ((const double *)&points->y)[i],
-                              ((const double *)&points->z)[i]);
+        double3 p = (double3)(LANE(double, points->x, i), LANE(double, points->y, i),
+                              LANE(double, points->z, i));
         bool hidden = false;
         for (uint k = 0; k < light->views && !hidden; k++)
-            hidden = is_hidden(tile, light->view + k, p, ((const float *)&t)[i]);
+            hidden = is_hidden(tile, light->view + k, p, LANE(float, t, i));
         share[i] = hidden ? 0.0f : 1.0f;
     }
-    return vload16(0, share);
+    return lanes_load(share);
 }
 
 #endif
@@ -110,16 +110,16 @@ static INLINED Lanes mapped_share(const Tile *tile, const ShadowLight *light,
 // Shares of the light, of all lights that cast shadows, that reach what samples see of a path.
 static void light_at_samples(const Tile *tile, uint path, const Samples *samples, Lanes *lit)
 {
-    Doubles3 points = points_seen(tile, tile->scene.paths[path], samples);
+    LaneDoubles3 points = points_seen(tile, tile->scene.paths[path], samples);
     for (int k = 0; k < SHADOWS; k++) {
         ShadowLight light = tile->shadow_lights[k];
 #ifdef SHADOW_MAP
         lit[k] = mapped_share(tile, &light, &points, samples->t);
 #else
         Rays rays = {.from = points, .t = samples->t, .ends = light.finite};
-        Doubles3 towards = {light.vector[0], light.vector[1], light.vector[2]};
-        Doubles3 place = {light.origin[0], light.origin[1], light.origin[2]};
-        rays.way = light.finite ? doubles_added(place, -1.0, points) : towards;
+        LaneDoubles3 towards = {light.vector[0], light.vector[1], light.vector[2]};
+        LaneDoubles3 place = {light.origin[0], light.origin[1], light.origin[2]};
+        rays.way = light.finite ? lane_doubles_plus(place, -1.0, points) : towards;
         lit[k] = light_share(&tile->occluders, &rays, path);
 #endif
     }

@@ -36,7 +36,7 @@ static INLINED LaneMask seen_in_mirror(const Tile *tile, uint path, int index, L
     int shows[LANES];
     for (int i = 0; i < LANES; i++)
         shows[i] = mirror_seen(tile, tile->mirror_owners[index + i]) == world ? -1 : 0;
-    return mask & vload16(0, shows) & (depth > load(tile->mirror_zs, index));
+    return mask & lanes_load(shows) & (depth > load(tile->mirror_zs, index));
 }
 
 static void swap_mirrored(Tile *tile)
@@ -58,9 +58,9 @@ static void enter_mirrors(Tile *tile)
     }
     for (int k = 0; k < tile->slabs * BLOCKS; k++) {
         Lanes zs = load(tile->zs, k * LANES);
-        tile->block_far[k] = greatest_lane(zs);
+        tile->block_far[k] = lanes_greatest(zs);
 #ifdef ZMIN
-        tile->block_near[k] = least_lane(zs);
+        tile->block_near[k] = lanes_least(zs);
 #endif
     }
     for (int k = 0; k < tile->slabs; k++) tile->far[k] = INFINITY;
@@ -95,7 +95,7 @@ static float4 mirrored_behind(const Tile *tile, int index)
     gaze.world = mirror_seen(tile, tile->owners[index]);
     Lanes3 ways = sky_ways(&tile->scene, &gaze, (Lanes)(tile->ts[index]));
     Lanes3 light = sky_light(&tile->scene, ways, 1);
-    return (float4)(light.x.s0, light.y.s0, light.z.s0, 1.0f);
+    return (float4)(LANE3(light, 0), 1.0f);
 #else
     const Frame *film = &tile->film;
 #ifdef BACKGROUND_IMAGE

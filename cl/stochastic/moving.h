@@ -238,9 +238,9 @@ static INLINED LaneMask exact_hits(LaneMask unsure, const Lanes3 *p, bool single
     float v[9][LANES];
     int mask[LANES];
     for (int i = 0; i < 3; i++)
-        vstore16(p[i].x, 0, v[3 * i]), vstore16(p[i].y, 0, v[3 * i + 1]),
-        vstore16(p[i].z, 0, v[3 * i + 2]);
-    vstore16(unsure, 0, mask);
+        lanes_store(p[i].x, v[3 * i]), lanes_store(p[i].y, v[3 * i + 1]),
+        lanes_store(p[i].z, v[3 * i + 2]);
+    lanes_store(unsure, mask);
     for (int k = 0; k < LANES; k++) {
         if (!mask[k]) continue;
         double3 q[3];
@@ -248,7 +248,7 @@ static INLINED LaneMask exact_hits(LaneMask unsure, const Lanes3 *p, bool single
         int a = exact_sign(q[1], q[2]), b = exact_sign(q[2], q[0]), c = exact_sign(q[0], q[1]);
         mask[k] = a == b && b == c && (single_sided ? a < 0 : a != 0) ? -1 : 0;
     }
-    return vload16(0, mask);
+    return lanes_load(mask);
 }
 
 // Which of the samples in `mask` the triangle covers, and its depth there.

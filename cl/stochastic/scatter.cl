@@ -23,12 +23,12 @@ typedef struct {
 
 // Seeds of a block's pixels, one for each dimension.
 typedef struct {
-    uint16 x, y, t, u, v, a, b;
+    LaneUints x, y, t, u, v, a, b;
 } Seeds;
 
 static Seeds seeds_of(const Tile *tile, int block)
 {
-    uint16 pixel = pixel_seeds(tile, block);
+    LaneUints pixel = pixel_seeds(tile, block);
     Seeds seeds = {mix_lanes(pixel + 1u), mix_lanes(pixel + 2u), mix_lanes(pixel + 3u),
                    mix_lanes(pixel + 4u), mix_lanes(pixel + 5u), mix_lanes(pixel + 6u),
                    mix_lanes(pixel + 7u)};
@@ -37,29 +37,29 @@ static Seeds seeds_of(const Tile *tile, int block)
 
 #if defined(PATTERN_JITTERED) || defined(PATTERN_FIXED)
 // x modulo n: a quotient that is at most two too small comes from the reciprocal.
-static INLINED uint16 modulo(uint16 x, uint n)
+static INLINED LaneUints modulo(LaneUints x, uint n)
 {
-    x -= n * mul_hi(x, (uint16)(~0u / n));
-    x -= x >= n ? (uint16)(n) : (uint16)(0u);
-    return x - (x >= n ? (uint16)(n) : (uint16)(0u));
+    x -= n * mul_hi(x, (LaneUints)(~0u / n));
+    x -= x >= n ? (LaneUints)(n) : (LaneUints)(0u);
+    return x - (x >= n ? (LaneUints)(n) : (LaneUints)(0u));
 }
 
 // Place of l in a random order of 0 ... n - 1, one for each seed (Kensler 2013).
-static INLINED uint16 permuted(uint l, uint16 seed, uint n)
+static INLINED LaneUints permuted(uint l, LaneUints seed, uint n)
 {
     uint mask = n - 1u;
     mask |= mask >> 1, mask |= mask >> 2, mask |= mask >> 4, mask |= mask >> 8;
-    uint16 i = l;
-    int16 again = -1;
+    LaneUints i = l;
+    LaneInts again = -1;
     while (any_lane(again)) {
-        uint16 x = i;
+        LaneUints x = i;
         x ^= seed, x *= 0xe170893du, x ^= seed >> 16, x ^= (x & mask) >> 4;
         x ^= seed >> 8, x *= 0x0929eb3fu, x ^= seed >> 23, x ^= (x & mask) >> 1;
         x *= 1u | seed >> 27, x *= 0x6935fa69u, x ^= (x & mask) >> 11;
         x *= 0x74dcb303u, x ^= (x & mask) >> 2, x *= 0x9e501cc3u, x ^= (x & mask) >> 2;
         x *= 0xc860a3dfu, x &= mask, x ^= x >> 5;
         i = again ? x : i;
-        again = i >= (uint16)(n);
+        again = i >= (LaneUints)(n);
     }
     return modulo(i + seed, n);
 }
@@ -67,13 +67,13 @@ static INLINED uint16 permuted(uint l, uint16 seed, uint n)
 
 #ifdef PATTERN_JITTERED
 // A random point in sample l's cell of a grid over the unit square.
-static INLINED void jitter_in_cell(const Numbers *n, uint l, uint16 seed_x, uint16 seed_y,
+static INLINED void jitter_in_cell(const Numbers *n, uint l, LaneUints seed_x, LaneUints seed_y,
                                    Lanes *x, Lanes *y)
 {
     const uint columns = n->columns, rows = n->samples / n->columns;
-    uint16 cell = permuted(l, seed_x, n->samples);
-    Lanes row = floor((convert_float16(cell) + 0.5f) * (1.0f / columns));
-    *x = (convert_float16(cell) - row * columns + hashed(l, seed_x)) * (1.0f / columns);
+    LaneUints cell = permuted(l, seed_x, n->samples);
+    Lanes row = floor((to_lanes(cell) + 0.5f) * (1.0f / columns));
+    *x = (to_lanes(cell) - row * columns + hashed(l, seed_x)) * (1.0f / columns);
     *y = (row + hashed(l, seed_y)) * (1.0f / rows);
 }
 #endif
@@ -111,10 +111,10 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 #elif defined(PATTERN_FIXED)
     uint slot[LANES];
     float x[LANES], y[LANES];
-    vstore16(permuted(l, seeds->x, tile->scene.numbers.samples), 0, slot);
+    lanes_store(permuted(l, seeds->x, tile->scene.numbers.samples), slot);
     for (int i = 0; i < LANES; i++)
         x[i] = tile->scene.slots[slot[i]].x_low, y[i] = tile->scene.slots[slot[i]].y_low;
-    d.x = vload16(0, x), d.y = vload16(0, y);
+    d.x = lanes_load(x), d.y = lanes_load(y);
     d.u = scrambled(sobol(l, 1), seeds->u);
     d.v = scrambled(sobol(l, 2), seeds->v);
 #elif defined(PATTERN_INTERLEAVE_UVT)
@@ -124,7 +124,7 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     // All pixels alike: sample l belongs to one of the slices' times and points of the lens.
     const uint slices = tile->scene.numbers.slices, each = tile->scene.numbers.samples / slices;
     const uint slice = l / each;
-    uint16 frame = (uint16)(mix_bits(tile->scene.numbers.seed + 13u));
+    LaneUints frame = (LaneUints)(mix_bits(tile->scene.numbers.seed + 13u));
     Slot slot = tile->scene.slots[l % each];
     d.x = slot.x_low, d.y = slot.y_low;
     d.t = (float)slice;
@@ -154,15 +154,15 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 static INLINED void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y,
                                       Drawn *d)
 {
-    int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
-    int16 place = (int)l ^ (x & 1 | (y & 1) << 1);
+    LaneInts x = to_lane_ints(pixel_x) + tile->x, y = to_lane_ints(pixel_y) + tile->y;
+    LaneInts place = (int)l ^ (x & 1 | (y & 1) << 1);
     const int columns = 1 | 3 << 2 | 0 << 4 | 2 << 6;
-    d->x = 0.125f + 0.25f * convert_float16((int16)(columns) >> 2 * place & 3);
-    d->y = 0.125f + 0.25f * convert_float16(place);
-    int16 quad_x = (x - (int)(l & 1u)) >> 1, quad_y = (y - (int)(l >> 1)) >> 1;
+    d->x = 0.125f + 0.25f * to_lanes((LaneInts)(columns) >> 2 * place & 3);
+    d->y = 0.125f + 0.25f * to_lanes(place);
+    LaneInts quad_x = (x - (int)(l & 1u)) >> 1, quad_y = (y - (int)(l >> 1)) >> 1;
     const uint frame = mix_bits(tile->scene.numbers.seed + 7u);
-    uint16 seed = mix_lanes(convert_uint16(quad_x) ^ mix_lanes(convert_uint16(quad_y) ^ frame));
-    Lanes second = convert_float16(quad_x + quad_y & 1);
+    LaneUints seed = mix_lanes(to_lane_uints(quad_x) ^ mix_lanes(to_lane_uints(quad_y) ^ frame));
+    Lanes second = to_lanes(quad_x + quad_y & 1);
     d->t = 0.25f * ((float)l + 0.5f * (second + hashed(l, seed)));
 }
 #endif
@@ -174,29 +174,29 @@ static INLINED void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, L
 static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, Lanes pixel_y,
                                      Drawn *d)
 {
-    int16 x = convert_int16(pixel_x) + tile->x, y = convert_int16(pixel_y) + tile->y;
+    LaneInts x = to_lane_ints(pixel_x) + tile->x, y = to_lane_ints(pixel_y) + tile->y;
     const uint mixed_seed = mix_bits(tile->scene.numbers.seed + 9u);
-    uint16 quad = mix_lanes(convert_uint16(x >> 1)
-                            ^ mix_lanes(convert_uint16(y >> 1) ^ mixed_seed));
-    uint16 mixed = mix_lanes(quad ^ l * 0x9e3779b9u);
+    LaneUints quad = mix_lanes(to_lane_uints(x >> 1)
+                            ^ mix_lanes(to_lane_uints(y >> 1) ^ mixed_seed));
+    LaneUints mixed = mix_lanes(quad ^ l * 0x9e3779b9u);
     // One of the 24 orders of four: a turn, then one that keeps the first in place.
-    uint16 k = convert_uint16(x & 1 | (y & 1) << 1);
-    uint16 swap = (mixed >> 8) % 6u, turned = k;
-    int16 mirrored = (k != 0u) & (swap >= 3u);
+    LaneUints k = to_lane_uints(x & 1 | (y & 1) << 1);
+    LaneUints swap = (mixed >> 8) % 6u, turned = k;
+    LaneInts mirrored = (k != 0u) & (swap >= 3u);
     turned = mirrored ? 4u - k : k;
     turned = k != 0u ? (turned - 1u + swap) % 3u + 1u : k;
-    uint16 pair = l * 4u + (turned + (mixed & 3u)) % 4u;
+    LaneUints pair = l * 4u + (turned + (mixed & 3u)) % 4u;
     uint frame = mix_bits(tile->scene.numbers.seed + 11u);
     float t[LANES], u[LANES], v[LANES];
     uint index[LANES];
-    vstore16(pair, 0, index);
+    lanes_store(pair, index);
     const float quarter = 0.25f / tile->scene.numbers.samples;
     for (int i = 0; i < LANES; i++) {
         t[i] = (index[i] + (mix_bits(frame ^ index[i] * 0x9e3779b9u) >> 8) * 0x1p-24f) * quarter;
-        u[i] = scrambled(sobol(index[i], 1), (uint16)(frame + 1u)).s0;
-        v[i] = scrambled(sobol(index[i], 2), (uint16)(mix_bits(frame + 2u))).s0;
+        u[i] = first_lane(scrambled(sobol(index[i], 1), (LaneUints)(frame + 1u)));
+        v[i] = first_lane(scrambled(sobol(index[i], 2), (LaneUints)(mix_bits(frame + 2u))));
     }
-    d->t = vload16(0, t), d->u = vload16(0, u), d->v = vload16(0, v);
+    d->t = lanes_load(t), d->u = lanes_load(u), d->v = lanes_load(v);
 }
 #endif
 
@@ -206,7 +206,7 @@ static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, La
 static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
 {
     const uint slice = l / (tile->scene.numbers.samples / tile->scene.numbers.slices);
-    uint16 frame = (uint16)(mix_bits(tile->scene.numbers.seed + 13u));
+    LaneUints frame = (LaneUints)(mix_bits(tile->scene.numbers.seed + 13u));
 #ifdef LENS
     d->u = scrambled(sobol(slice, 1), frame + 1u);
     d->v = scrambled(sobol(l, 2), seeds->v);
@@ -224,12 +224,12 @@ static INLINED Lanes warped_to_filter(const Tile *tile, Lanes share)
 {
     const int places = tile->scene.numbers.filter_places;
     float out[LANES];
-    vstore16(share * (float)places, 0, out);
+    lanes_store(share * (float)places, out);
     for (int i = 0; i < LANES; i++) {
         int k = min((int)out[i], places - 1);
         out[i] = mix(tile->scene.filter[k], tile->scene.filter[k + 1], out[i] - k);
     }
-    return vload16(0, out);
+    return lanes_load(out);
 }
 #endif
 
@@ -238,13 +238,13 @@ static INLINED Lanes times_of_light(const Tile *tile, int block, Lanes passed)
 {
 #if defined(SHUTTER_CURVE) || defined(ROLLING)
     float t[LANES];
-    vstore16(passed, 0, t);
+    lanes_store(passed, t);
     for (int i = 0; i < LANES; i++) {
         int pixel = pixel_of(block, i);
         float2 window = line_window(&tile->scene, tile->x + pixel % TILE, tile->y + pixel / TILE);
         t[i] = time_of_light(&tile->scene, window, t[i]);
     }
-    return vload16(0, t);
+    return lanes_load(t);
 #else
     return passed;
 #endif
@@ -280,9 +280,9 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
 #endif
 #ifdef FRAMELESS
     // Every FRAMELESS-th pixel sees its part of the shutter only.
-    int16 x = convert_int16(block_x(block)) + tile->x, y = convert_int16(block_y(block)) + tile->y;
-    int16 phase = (x + FRAMELESS_STEP * y) % FRAMELESS;
-    d.t = (convert_float16(phase < 0 ? phase + FRAMELESS : phase) + d.t) * (1.0f / FRAMELESS);
+    LaneInts x = to_lane_ints(block_x(block)) + tile->x, y = to_lane_ints(block_y(block)) + tile->y;
+    LaneInts phase = (x + FRAMELESS_STEP * y) % FRAMELESS;
+    d.t = (to_lanes(phase < 0 ? phase + FRAMELESS : phase) + d.t) * (1.0f / FRAMELESS);
 #endif
     return d;
 }
@@ -290,12 +290,12 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
 #ifdef REORDERED
 // What samples of a pixel are ordered by, so that those of a slab are alike: time; the lens, along
 // a Z-shaped curve of its cells; or both.
-static INLINED uint16 order_key(const Numbers *n, Lanes t, Lanes u, Lanes v)
+static INLINED LaneUints order_key(const Numbers *n, Lanes t, Lanes u, Lanes v)
 {
 #ifdef LENS
-    uint16 a = convert_uint16(u * 16.0f), b = convert_uint16(v * 16.0f), key = 0u;
+    LaneUints a = to_lane_uints(u * 16.0f), b = to_lane_uints(v * 16.0f), key = 0u;
     const int groups = (n->samples + n->layers - 1) / n->layers;
-    uint16 c = convert_uint16(clamp(t, 0.0f, 0.9999f) * (16.0f * groups)) & 15u;
+    LaneUints c = to_lane_uints(clamp(t, 0.0f, 0.9999f) * (16.0f * groups)) & 15u;
     for (int bit = 3; bit >= 0; bit--) {
 #ifdef MOVING
         key = key << 1 | (c >> bit & 1u);
@@ -305,17 +305,17 @@ static INLINED uint16 order_key(const Numbers *n, Lanes t, Lanes u, Lanes v)
     }
     return key;
 #else
-    return convert_uint16(t * 0x1p24f);
+    return to_lane_uints(t * 0x1p24f);
 #endif
 }
 
 // Slab of each of the group's samples of one block: its place in the order of the keys.
-static void rank_samples(const uint16 *keys, int slabs, int16 *ranks)
+static void rank_samples(const LaneUints *keys, int slabs, LaneInts *ranks)
 {
     for (int i = 0; i < slabs; i++) {
-        int16 rank = 0;
-        for (int k = 0; k < i; k++) rank -= as_int16(keys[k] <= keys[i]); // true is -1
-        for (int k = i + 1; k < slabs; k++) rank -= as_int16(keys[k] < keys[i]);
+        LaneInts rank = 0;
+        for (int k = 0; k < i; k++) rank -= (keys[k] <= keys[i]); // true is -1
+        for (int k = i + 1; k < slabs; k++) rank -= (keys[k] < keys[i]);
         ranks[i] = rank;
     }
 }
@@ -325,7 +325,7 @@ static void rank_samples(const uint16 *keys, int slabs, int16 *ranks)
 // The point of lane i on the disc of glossy mirrors.
 static inline void store_shear(const Tile *tile, int index, const Drawn *d, int i)
 {
-    float2 square = (float2)(((const float *)&d->a)[i], ((const float *)&d->b)[i]);
+    float2 square = (float2)(LANE(float, d->a, i), LANE(float, d->b, i));
 #ifdef SLICE_LINES
     float2 point = square_to_disc_lines(square);
 #else
@@ -340,8 +340,8 @@ static void scatter_block(const Tile *tile, int block)
     Seeds seeds = seeds_of(tile, block);
     Lanes left = block_x(block) - (float)HALF, top = block_y(block) - (float)HALF;
 #ifdef REORDERED
-    uint16 keys[MOST_SLABS];
-    int16 ranks[MOST_SLABS];
+    LaneUints keys[MOST_SLABS];
+    LaneInts ranks[MOST_SLABS];
     for (int k = 0; k < tile->slabs; k++) {
         Drawn d = draw_sample(tile, block, tile->group + k, &seeds);
         keys[k] = order_key(&tile->scene.numbers, d.t, d.u, d.v);
@@ -358,11 +358,11 @@ static void scatter_block(const Tile *tile, int block)
         int index = sample_index(k, block);
 #ifdef REORDERED
         for (int i = 0; i < LANES; i++) {
-            int to = sample_index(((int *)(ranks + k))[i], block) + i;
-            tile->xs[to] = ((float *)&d.x)[i], tile->ys[to] = ((float *)&d.y)[i];
-            tile->ts[to] = ((float *)&d.t)[i];
+            int to = sample_index(LANE(int, ranks[k], i), block) + i;
+            tile->xs[to] = LANE(float, d.x, i), tile->ys[to] = LANE(float, d.y, i);
+            tile->ts[to] = LANE(float, d.t, i);
 #ifdef LENS
-            float2 point = lens_point(tile, ((float *)&d.u)[i], ((float *)&d.v)[i]);
+            float2 point = lens_point(tile, LANE(float, d.u, i), LANE(float, d.v, i));
             tile->us[to] = point.x, tile->vs[to] = point.y;
 #endif
 #ifdef GLOSSY
@@ -370,9 +370,9 @@ static void scatter_block(const Tile *tile, int block)
 #endif
         }
 #else
-        vstore16(d.x, 0, tile->xs + index);
-        vstore16(d.y, 0, tile->ys + index);
-        vstore16(d.t, 0, tile->ts + index);
+        lanes_store(d.x, tile->xs + index);
+        lanes_store(d.y, tile->ys + index);
+        lanes_store(d.t, tile->ts + index);
 #ifdef GLOSSY
         for (int i = 0; i < LANES; i++) store_shear(tile, index + i, &d, i);
 #endif
@@ -387,7 +387,7 @@ static void bound_values(global const float *values, int slab, float *low, float
         Lanes here = load(values, sample_index(slab, block));
         least = lanes_min(least, here), most = lanes_max(most, here);
     }
-    *low = least_lane(least), *high = greatest_lane(most);
+    *low = lanes_least(least), *high = lanes_greatest(most);
 }
 
 // Draw the samples of the group that begins with sample tile->group, and clear what they see.
@@ -406,13 +406,13 @@ static void scatter(Tile *tile)
         tile->far[k] = used ? INFINITY : 0.0f;
     }
     for (int k = 0; k < tile->slabs; k++)
-        vstore16((Lanes)(INFINITY), 0, tile->block_far + k * BLOCKS);
+        lanes_store((Lanes)(INFINITY), tile->block_far + k * BLOCKS);
 #ifdef ZMIN
     for (int k = 0; k < tile->slabs; k++)
-        vstore16((Lanes)(INFINITY), 0, tile->block_near + k * BLOCKS);
+        lanes_store((Lanes)(INFINITY), tile->block_near + k * BLOCKS);
 #endif
     for (int i = 0; i < tile->slabs * SLAB; i += LANES) {
-        vstore16((Lanes)(INFINITY), 0, tile->zs + i);
-        vstore16((uint16)(NONE), 0, tile->owners + i);
+        lanes_store((Lanes)(INFINITY), tile->zs + i);
+        lanes_store((LaneUints)(NONE), tile->owners + i);
     }
 }

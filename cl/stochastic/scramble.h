@@ -10,12 +10,12 @@
 #include "shared/lanes.h"
 #include "shared/sobol.h"
 
-static INLINED Lanes unit_lanes(uint16 x) { return convert_float16(as_int16(x >> 8)) * 0x1p-24f; }
+static INLINED Lanes unit_lanes(LaneUints x) { return to_lanes(as_lane_ints(x >> 8)) * 0x1p-24f; }
 
 // Owen's nested scrambling of a binary fraction, one for each seed.
-static INLINED Lanes scrambled(uint bits, uint16 seed)
+static INLINED Lanes scrambled(uint bits, LaneUints seed)
 {
-    uint16 x = reverse_bits(bits);
+    LaneUints x = reverse_bits(bits);
     x ^= x * 0x3d20adeau;
     x += seed;
     x *= seed >> 16 | 1u;
@@ -25,7 +25,7 @@ static INLINED Lanes scrambled(uint bits, uint16 seed)
 }
 
 // A random number that belongs to l and the seed.
-static INLINED Lanes hashed(uint l, uint16 seed)
+static INLINED Lanes hashed(uint l, LaneUints seed)
 {
     return unit_lanes(mix_lanes(seed ^ l * 0x9e3779b9u));
 }

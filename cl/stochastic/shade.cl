@@ -50,7 +50,7 @@ static Samples gather_listed(const Tile *tile, const int *list, int count, Lanes
     Samples s;
 #define GATHER(to, from) \
     for (int i = 0; i < LANES; i++) value[i] = (from)[list[min(i, count - 1)]]; \
-    to = vload16(0, value);
+    to = lanes_load(value);
     GATHER(s.x, tile->xs)
     GATHER(s.y, tile->ys)
     GATHER(s.t, tile->ts)
@@ -105,8 +105,7 @@ static Samples mean_of_listed(const Tile *tile, const int *list, int count, Lane
 
 static inline float4 color_of_lane(const Colors *color, int i)
 {
-    return (float4)(((const float *)&color->x)[i], ((const float *)&color->y)[i],
-                    ((const float *)&color->z)[i], 1.0f);
+    return (float4)(LANE3(*color, i), 1.0f);
 }
 
 // Colour of each listed sample of one pixel, all of the same path.

@@ -13,8 +13,10 @@ static inline float jitter(uint seed, uint what)
 // The ray through x, y of a view.
 static void aim(Rays *rays, int lane, global const ViewRays *view, double x, double y)
 {
-    double *from[3] = {(double *)&rays->from.x, (double *)&rays->from.y, (double *)&rays->from.z};
-    double *way[3] = {(double *)&rays->way.x, (double *)&rays->way.y, (double *)&rays->way.z};
+    double *from[3] = {&LANE(double, rays->from.x, 0), &LANE(double, rays->from.y, 0),
+                       &LANE(double, rays->from.z, 0)};
+    double *way[3] = {&LANE(double, rays->way.x, 0), &LANE(double, rays->way.y, 0),
+                      &LANE(double, rays->way.z, 0)};
     for (int i = 0; i < 3; i++) {
         from[i][lane] = view->from[i] + x * view->from[3 + i] + y * view->from[6 + i];
         way[i][lane] = view->way[i] + x * view->way[3 + i] + y * view->way[6 + i];
@@ -39,9 +41,9 @@ kernel void shadow_map(Numbers numbers, global const Vertex *world, global const
             aim(&rays, (int)i, view, x + jitter(own, 0u), item % size + jitter(own, 1u));
             times[i] = (stratum + jitter(own, 2u)) * (1.0f / strata);
         }
-        rays.t = vload16(0, times);
-        Lanes depth = convert_float16(view->depth + first_place(&o, &rays));
+        rays.t = lanes_load(times);
+        Lanes depth = to_lanes(view->depth + first_place(&o, &rays));
         for (uint i = 0; i < min(LANES, (int)(size - first)); i++)
-            shadow_map[(size_t)item * size + first + i] = ((const float *)&depth)[i];
+            shadow_map[(size_t)item * size + first + i] = LANE(float, depth, i);
     }
 }

@@ -34,8 +34,7 @@ static void add_sky(Tile *tile)
         for (int i = 0; i < LANES; i++)
             if (tile->owners[index + i] == NONE)
                 add_light(tile, index + i,
-                          (float4)(((const float *)&light.x)[i], ((const float *)&light.y)[i],
-                                   ((const float *)&light.z)[i], 0.0f));
+                          (float4)(LANE3(light, i), 0.0f));
     }
 }
 

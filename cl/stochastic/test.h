@@ -22,7 +22,7 @@ static INLINED LaneMask there_by_chance(Tile *tile, const Moving *m, const Sampl
         alpha = alpha_at_samples(tile, &surface, samples);
     }
 #endif
-    uint16 seed = mix_lanes(pixel_seeds(tile, block) ^ mix_bits(m->path + 1u));
+    LaneUints seed = mix_lanes(pixel_seeds(tile, block) ^ mix_bits(m->path + 1u));
     return mask & (hashed((uint)(tile->group + slab), seed) < alpha);
 }
 #endif
@@ -46,17 +46,17 @@ static INLINED void test_samples(Tile *tile, const Moving *m, int slab, int bloc
     COUNT(tile, hits, mask);
     if (!any_lane(mask)) return;
     Lanes before = load(tile->zs, index);
-    uint16 owner = vload16(0, tile->owners + index);
+    LaneUints owner = lanes_load(tile->owners + index);
     if (!first) {
         COUNT(tile, depth_tests, mask);
-        mask &= (depth < before) | ((depth == before) & ((uint16)(m->path) < owner));
+        mask &= (depth < before) | ((depth == before) & ((LaneUints)(m->path) < owner));
     }
     Lanes nearest = mask ? depth : before;
-    vstore16(nearest, 0, tile->zs + index);
-    vstore16(mask ? (uint16)(m->path) : owner, 0, tile->owners + index);
-    tile->block_far[slab * BLOCKS + block] = greatest_lane(nearest);
+    lanes_store(nearest, tile->zs + index);
+    lanes_store(mask ? (LaneUints)(m->path) : owner, tile->owners + index);
+    tile->block_far[slab * BLOCKS + block] = lanes_greatest(nearest);
 #ifdef ZMIN
-    tile->block_near[slab * BLOCKS + block] = least_lane(nearest);
+    tile->block_near[slab * BLOCKS + block] = lanes_least(nearest);
 #endif
 }
 

@@ -27,8 +27,8 @@ static INLINED void count_texels(Tile *tile, Texture texture, Lanes u, Lanes v, 
     Lanes y = floor((1.0f - v) * (float)texture.height - 0.5f);
     for (int corner = 0; corner < 4; corner++) {
         int column[LANES], row[LANES];
-        vstore16(wrap_texels(x + (float)(corner % 2), texture.width, texture.wrap), 0, column);
-        vstore16(wrap_texels(y + (float)(corner / 2), texture.height, texture.wrap), 0, row);
+        lanes_store(wrap_texels(x + (float)(corner % 2), texture.width, texture.wrap), column);
+        lanes_store(wrap_texels(y + (float)(corner / 2), texture.height, texture.wrap), row);
         for (int i = 0; i < count; i++) {
             uint line = texture.texel + (row[i] & ~3) * texture.width + (column[i] & ~3) + 1;
             fetch_line(tile, line, column[i] / 4 % 4 + row[i] / 4 % 4 * 4);

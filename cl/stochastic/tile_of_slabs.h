@@ -17,7 +17,7 @@
 #define MB_TILE_OF_SLABS_H
 
 #include "shared/scene.h"
-#include "shared/lanes.h"
+#include "shared/vectors.h"
 #include "stochastic/scramble.h"
 #ifdef SHADOWS
 #include "stochastic/trace.h"
@@ -131,21 +131,21 @@ static inline int sample_index(int slab, int block) { return (slab * BLOCKS + bl
 // Pixel of the tile in each lane of a block.
 static INLINED Lanes block_x(int block)
 {
-    const Lanes x = (Lanes)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+    const Lanes x = SQUARE_COLUMN;
     return x + (float)(block % (TILE / BLOCK) * BLOCK);
 }
 
 static INLINED Lanes block_y(int block)
 {
-    const Lanes y = (Lanes)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+    const Lanes y = SQUARE_ROW;
     return y + (float)(block / (TILE / BLOCK) * BLOCK);
 }
 
 // A random number for each pixel of a block.
-static INLINED uint16 pixel_seeds(const Tile *tile, int block)
+static INLINED LaneUints pixel_seeds(const Tile *tile, int block)
 {
-    uint16 x = convert_uint16(convert_int16(block_x(block)) + tile->x);
-    uint16 y = convert_uint16(convert_int16(block_y(block)) + tile->y);
+    LaneUints x = to_lane_uints(to_lane_ints(block_x(block)) + tile->x);
+    LaneUints y = to_lane_uints(to_lane_ints(block_y(block)) + tile->y);
     return mix_lanes(x ^ mix_lanes(y ^ mix_bits(tile->scene.numbers.seed)));
 }
 
@@ -165,32 +165,7 @@ static inline int pixel_of(int block, int lane)
 
 static INLINED Lanes load(global const float *values, int index)
 {
-    return vload16(0, values + index);
-}
-
-// By parts of four: Oclgrind takes halves of halves for unwritten.
-static INLINED bool any_lane(LaneMask mask)
-{
-    const int4 *part = (const int4 *)&mask;
-    int4 any = (part[0] | part[1]) | (part[2] | part[3]);
-    return (any.x | any.y | any.z | any.w) != 0;
-}
-
-static INLINED float greatest_lane(Lanes a)
-{
-    const float4 *part = (const float4 *)&a;
-    float4 b = part[0] > part[1] ? part[0] : part[1], c = part[2] > part[3] ? part[2] : part[3];
-    b = b > c ? b : c;
-    return fmax(fmax(b.x, b.y), fmax(b.z, b.w));
-}
-
-static INLINED float least_lane(Lanes a) { return -greatest_lane(-a); }
-
-static INLINED uint count_lanes(LaneMask mask)
-{
-    const int4 *part = (const int4 *)&mask;
-    int4 sum = (part[0] + part[1]) + (part[2] + part[3]); // true is -1
-    return (uint)-(sum.x + sum.y + sum.z + sum.w);
+    return lanes_load(values + index);
 }
 
 #endif

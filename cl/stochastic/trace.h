@@ -8,7 +8,7 @@
 #define MB_TRACE_H
 
 #include "shared/attributes.h"
-#include "shared/lanes.h"
+#include "shared/vectors.h"
 
 #define EQUAL_PLACE 1e-12
 #define LEAF_PATHS 4
@@ -23,71 +23,50 @@ typedef struct {
     const Scene *scene;          // for alphas that vary; not of a shadow map
 } Occluders;
 
-typedef struct {
-    double16 x, y, z;
-} Doubles3;
+VECTORS_OF(LaneDoubles, lane_doubles)
 
 // From `from` along `way`: all of it, or, where that is the way to a light, up to its end.
 typedef struct {
-    Doubles3 from, way;
+    LaneDoubles3 from, way;
     Lanes t;
     bool ends;
 } Rays;
 
-static INLINED Doubles3 doubles_added(Doubles3 a, double16 by, Doubles3 b)
-{
-    Doubles3 sum = {a.x + by * b.x, a.y + by * b.y, a.z + by * b.z};
-    return sum;
-}
-
-static inline Doubles3 doubles_cross(Doubles3 a, Doubles3 b)
-{
-    Doubles3 product = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-    return product;
-}
-
-static INLINED double16 doubles_dot(Doubles3 a, Doubles3 b)
-{
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-static INLINED double16 doubles_size(Doubles3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); }
-
 // A vertex at times tau of its motion segment.
-static INLINED Doubles3 world_at(const Occluders *o, uint vertex, uint step, double16 tau)
+static INLINED LaneDoubles3 world_at(const Occluders *o, uint vertex, uint step, LaneDoubles tau)
 {
     Vertex a = o->world[vertex], b = o->world[vertex + step];
-    Doubles3 at = {a.x + tau * (b.x - a.x), a.y + tau * (b.y - a.y), a.w + tau * (b.w - a.w)};
+    LaneDoubles3 at = {a.x + tau * (b.x - a.x), a.y + tau * (b.y - a.y), a.w + tau * (b.w - a.w)};
     return at;
 }
 
 // Which rays meet the path, where along them, and where on it: the corners' shares times any
 // number.
-static INLINED LaneMask rays_meet(const Occluders *o, Path path, const Rays *r, double16 *place,
-                                  double16 *shares)
+static INLINED LaneMask rays_meet(const Occluders *o, Path path, const Rays *r, LaneDoubles *place,
+                                  LaneDoubles *shares)
 {
-    double16 tau = (convert_double16(r->t) - path.open) / path_length(path);
+    LaneDoubles tau = (to_lane_doubles(r->t) - path.open) / path_length(path);
     const uint corner[3] = {path.a, path.b, path.c};
-    Doubles3 p[3], u, v;
+    LaneDoubles3 p[3], u, v;
     for (int i = 0; i < 3; i++)
-        p[i] = doubles_added(world_at(o, corner[i], path.step, tau), -1.0, r->from);
-    u = doubles_added(p[1], -1.0, p[0]), v = doubles_added(p[2], -1.0, p[0]);
-    Doubles3 normal = doubles_cross(u, v);
-    double16 e0 = doubles_dot(r->way, doubles_cross(p[1], p[2]));
-    double16 e1 = doubles_dot(r->way, doubles_cross(p[2], p[0]));
-    double16 e2 = doubles_dot(r->way, doubles_cross(p[0], p[1]));
+        p[i] = lane_doubles_plus(world_at(o, corner[i], path.step, tau), -1.0, r->from);
+    u = lane_doubles_plus(p[1], -1.0, p[0]), v = lane_doubles_plus(p[2], -1.0, p[0]);
+    LaneDoubles3 normal = lane_doubles_cross(u, v);
+    LaneDoubles e0 = lane_doubles_dot(r->way, lane_doubles_cross(p[1], p[2]));
+    LaneDoubles e1 = lane_doubles_dot(r->way, lane_doubles_cross(p[2], p[0]));
+    LaneDoubles e2 = lane_doubles_dot(r->way, lane_doubles_cross(p[0], p[1]));
     shares[0] = e0, shares[1] = e1, shares[2] = e2;
-    double16 facing = doubles_dot(r->way, normal), height = doubles_dot(p[0], normal);
-    double16 least = EQUAL_PLACE * doubles_size(normal)
-                     * (doubles_size(r->from) + doubles_size(p[0]));
+    LaneDoubles facing = lane_doubles_dot(r->way, normal), height = lane_doubles_dot(p[0], normal);
+    LaneDoubles least = EQUAL_PLACE * lane_doubles_size(normal)
+                     * (lane_doubles_size(r->from) + lane_doubles_size(p[0]));
     *place = height / facing;
-    long16 hit = ((e0 >= 0.0) & (e1 >= 0.0) & (e2 >= 0.0))
+    LaneDoubleMask hit = ((e0 >= 0.0) & (e1 >= 0.0) & (e2 >= 0.0))
                  | ((e0 <= 0.0) & (e1 <= 0.0) & (e2 <= 0.0));
     hit &= (*place > 0.0) & (fabs(height) > least);
     if (r->ends) hit &= *place < 1.0;
     LaneMask there = (r->t >= path.open)
                      & ((r->t < path.close) | (LaneMask)(path.close >= 1.0f ? -1 : 0));
-    return convert_int16(hit) & there;
+    return to_lane_ints(hit) & there;
 }
 
 // Rays in float32, for boxes that are a little larger than what they hold.
@@ -97,17 +76,17 @@ typedef struct {
     float end;
 } FloatRays;
 
-static INLINED Lanes one_over(double16 way)
+static INLINED Lanes one_over(LaneDoubles way)
 {
-    Lanes w = convert_float16(way);
+    Lanes w = to_lanes(way);
     return 1.0f / (fabs(w) > 1e-30f ? w : (Lanes)(1e-30f));
 }
 
 static FloatRays float_rays(const Rays *r)
 {
     FloatRays f;
-    f.from.x = convert_float16(r->from.x), f.from.y = convert_float16(r->from.y);
-    f.from.z = convert_float16(r->from.z);
+    f.from.x = to_lanes(r->from.x), f.from.y = to_lanes(r->from.y);
+    f.from.z = to_lanes(r->from.z);
     f.over.x = one_over(r->way.x), f.over.y = one_over(r->way.y), f.over.z = one_over(r->way.z);
     f.t = r->t, f.end = r->ends ? 1.0f + 1e-5f : INFINITY;
     return f;
@@ -125,24 +104,17 @@ static INLINED LaneMask rays_enter(global const TreeNode *node, const FloatRays 
            & (r->t >= node->open) & (r->t <= node->close);
 }
 
-static INLINED bool some_lane(LaneMask mask)
-{
-    const int4 *part = (const int4 *)&mask;
-    int4 any = (part[0] | part[1]) | (part[2] | part[3]);
-    return (any.x | any.y | any.z | any.w) != 0;
-}
-
 // Share of the light that the path lets through where the rays meet it: 1 - alpha.
 static INLINED Lanes passed_share(const Occluders *o, uint index, const Rays *r,
-                                  const double16 *shares)
+                                  const LaneDoubles *shares)
 {
     Path path = o->paths[index];
 #ifdef ALPHA_VARIES
     if (path.alpha < 0.0f) {
-        double16 sum = (shares[0] + shares[1]) + shares[2];
+        LaneDoubles sum = (shares[0] + shares[1]) + shares[2];
         Lanes tau = (r->t - path.open) / path_length(path), weights[6];
         for (int i = 0; i < 3; i++) {
-            Lanes share = convert_float16(sum != 0.0 ? shares[i] / sum : (double16)(1.0 / 3.0));
+            Lanes share = to_lanes(sum != 0.0 ? shares[i] / sum : (LaneDoubles)(1.0 / 3.0));
             weights[i] = share * (1.0f - tau), weights[i + 3] = share * tau;
         }
         return 1.0f - alpha_at_weights(o->scene, index, weights, LANES);
@@ -162,7 +134,7 @@ static INLINED Lanes light_share(const Occluders *o, const Rays *rays, uint own)
     while (top > 0) {
         uint node = stack[--top];
         LaneMask enter = rays_enter(o->nodes + node, &f) & (share > 0.0f);
-        if (!some_lane(enter)) continue;
+        if (!any_lane(enter)) continue;
         if (node < o->leaf_nodes) {
             stack[top++] = 2u * node, stack[top++] = 2u * node + 1u;
             continue;
@@ -170,9 +142,9 @@ static INLINED Lanes light_share(const Occluders *o, const Rays *rays, uint own)
         for (int k = 0; k < LEAF_PATHS; k++) {
             uint index = o->leaves[(node - o->leaf_nodes) * LEAF_PATHS + k];
             if (index == NONE || index == own) continue;
-            double16 place, shares[3];
+            LaneDoubles place, shares[3];
             LaneMask hit = enter & rays_meet(o, o->paths[index], rays, &place, shares);
-            if (!some_lane(hit)) continue;
+            if (!any_lane(hit)) continue;
             Lanes passed = passed_share(o, index, rays, shares);
             share = hit ? share * passed : share;
         }
@@ -181,17 +153,17 @@ static INLINED Lanes light_share(const Occluders *o, const Rays *rays, uint own)
 }
 
 // Where along each ray it meets the first path that is not wholly transparent.
-static INLINED double16 first_place(const Occluders *o, const Rays *rays)
+static INLINED LaneDoubles first_place(const Occluders *o, const Rays *rays)
 {
     FloatRays f = float_rays(rays);
-    double16 nearest = INFINITY;
+    LaneDoubles nearest = INFINITY;
     uint stack[TREE_DEPTH];
     int top = 0;
     stack[top++] = 1u;
     while (top > 0) {
         uint node = stack[--top];
         LaneMask enter = rays_enter(o->nodes + node, &f);
-        if (!some_lane(enter)) continue;
+        if (!any_lane(enter)) continue;
         if (node < o->leaf_nodes) {
             stack[top++] = 2u * node, stack[top++] = 2u * node + 1u;
             continue;
@@ -199,9 +171,9 @@ static INLINED double16 first_place(const Occluders *o, const Rays *rays)
         for (int k = 0; k < LEAF_PATHS; k++) {
             uint index = o->leaves[(node - o->leaf_nodes) * LEAF_PATHS + k];
             if (index == NONE || o->paths[index].alpha == 0.0f) continue;
-            double16 place, shares[3];
+            LaneDoubles place, shares[3];
             LaneMask hit = enter & rays_meet(o, o->paths[index], rays, &place, shares);
-            nearest = (convert_long16(hit) & (place < nearest)) ? place : nearest;
+            nearest = (to_lane_double_mask(hit) & (place < nearest)) ? place : nearest;
         }
     }
     return nearest;

@@ -12,7 +12,7 @@ kernel void lookups(global const float4 *texels, global const Texture *textures,
     for (uint i = 0; i < count; i++) {
         Lanes u = uvs[2 * i], v = uvs[2 * i + 1];
         Colors found = texture_at(texels, textures[0], &u, &v, levels[i], 6);
-        vstore4((float4)(found.x.s5, found.y.s5, found.z.s5, found.alpha.s5), i, colors);
+        vstore4((float4)(LANE3(found, 5), LANE(float, found.alpha, 5)), i, colors);
     }
 }
 #endif
@@ -26,7 +26,7 @@ kernel void footprints(global const float4 *texels, global const Texture *textur
         Footprint f = {g[2], g[3], g[4], g[5]};
         Lanes u = g[0], v = g[1];
         Colors found = texture_over(texels, textures[0], &u, &v, &f, g[6], most, 6);
-        vstore3((float3)(found.x.s5, found.y.s5, found.z.s5), i, colors);
+        vstore3(LANE3(found, 5), i, colors);
     }
 }
 #endif
@@ -43,11 +43,11 @@ kernel void reflections(global const Material *materials, global const float *gi
         Gloss gloss = {material.metallic, material.roughness};
         Lanes3 seen = reflected(&material, material.flags & MATERIAL_METALLIC ? &gloss : 0, v[0],
                                 v[1], v[2], v[3], lights, light_count);
-        vstore3((float3)(seen.x.s3, seen.y.s3, seen.z.s3), i, colors);
+        vstore3(LANE3(seen, 3), i, colors);
     }
 }
 
 kernel void powers(global const float *x, global const float *y, uint count, global float *out)
 {
-    for (uint i = 0; i < count; i++) out[i] = lanes_power((Lanes)(x[i]), y[i]).s5;
+    for (uint i = 0; i < count; i++) out[i] = first_lane(lanes_power((Lanes)(x[i]), y[i]));
 }

@@ -23,7 +23,7 @@ static INLINED void widen(Lanes place, Lanes blur_low, Lanes blur_high, Lanes sl
 
 static void touched_by(const Tile *tile, const Moving *m, int first, Touched *out)
 {
-    Lanes t_low = vload16(0, tile->t_low + first), t_high = vload16(0, tile->t_high + first);
+    Lanes t_low = lanes_load(tile->t_low + first), t_high = lanes_load(tile->t_high + first);
     LaneMask seen = (t_high >= m->open) & (t_low <= m->close) & (t_low <= t_high);
     Lanes left = INFINITY, right = -INFINITY, top = INFINITY, bottom = -INFINITY, near = INFINITY;
     for (int end = 0; end < 2; end++) {
@@ -46,11 +46,11 @@ static void touched_by(const Tile *tile, const Moving *m, int first, Touched *ou
             near = lanes_min(near, w);
 #ifdef LENS
             Lanes circle = (m->c[i] + tau * m->dc[i]) * over;
-            Lanes a = circle * vload16(0, tile->u_low + first);
-            Lanes b = circle * vload16(0, tile->u_high + first);
+            Lanes a = circle * lanes_load(tile->u_low + first);
+            Lanes b = circle * lanes_load(tile->u_high + first);
             widen(x, lanes_min(a, b), lanes_max(a, b), slack, &left, &right);
-            a = circle * vload16(0, tile->v_low + first),
-            b = circle * vload16(0, tile->v_high + first);
+            a = circle * lanes_load(tile->v_low + first),
+            b = circle * lanes_load(tile->v_high + first);
             widen(y, lanes_min(a, b), lanes_max(a, b), slack_y, &top, &bottom);
 #else
             widen(x, (Lanes)(0.0f), (Lanes)(0.0f), slack, &left, &right);
@@ -61,7 +61,7 @@ static void touched_by(const Tile *tile, const Moving *m, int first, Touched *ou
     // Behind the eye the way of a vertex is not between its ends: then it may be anywhere.
     LaneMask ahead = near > 4.0f * m->slack / (2.0f * HALF);
     near = ahead ? near * (m->size * (1.0f - 1e-5f)) : (Lanes)(0.0f);
-    seen &= near <= vload16(0, tile->far + first);
+    seen &= near <= lanes_load(tile->far + first);
     // Block b holds samples from 4 b - HALF + reach_low to 4 b + 3 - HALF + reach_high.
     const Lanes below = -1.0f, above = (float)(TILE / BLOCK);
     float low = HALF - tile->reach_low, high = HALF - (BLOCK - 1) - tile->reach_high;
@@ -71,12 +71,12 @@ static void touched_by(const Tile *tile, const Moving *m, int first, Touched *ou
     bottom = ahead ? floor((bottom + low) * (1.0f / BLOCK)) : above;
     seen &= (left < above) & (top < above) & (right > below) & (bottom > below);
     const Lanes zero = 0.0f, three = (float)(TILE / BLOCK - 1);
-    vstore16(convert_int16(lanes_max(left, zero)), 0, out->left);
-    vstore16(convert_int16(lanes_max(top, zero)), 0, out->top);
-    vstore16(convert_int16(lanes_min(right, three)), 0, out->right);
-    vstore16(convert_int16(lanes_min(bottom, three)), 0, out->bottom);
-    vstore16(seen, 0, out->touched);
-    vstore16(near, 0, out->near);
+    lanes_store(to_lane_ints(lanes_max(left, zero)), out->left);
+    lanes_store(to_lane_ints(lanes_max(top, zero)), out->top);
+    lanes_store(to_lane_ints(lanes_min(right, three)), out->right);
+    lanes_store(to_lane_ints(lanes_min(bottom, three)), out->bottom);
+    lanes_store(seen, out->touched);
+    lanes_store(near, out->near);
 }
 
 // Test the blocks of one slab that the triangle may touch, but those of which all is nearer.
@@ -97,7 +97,7 @@ static float update_far(Tile *tile)
 {
     float far = 0.0f;
     for (int slab = 0; slab < tile->slabs; slab++) {
-        tile->far[slab] = greatest_lane(vload16(0, tile->block_far + slab * BLOCKS));
+        tile->far[slab] = lanes_greatest(lanes_load(tile->block_far + slab * BLOCKS));
         far = fmax(far, tile->far[slab]);
     }
     return far;

@@ -40,9 +40,9 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
     return tiles_in_path_box(tile, &cull->box, block);
 }
 
-static INLINED int16 stratum_along(Lanes place, int count)
+static INLINED LaneInts stratum_along(Lanes place, int count)
 {
-    return convert_int16(lanes_min(lanes_max(place * (float)count, (Lanes)(0.0f)),
+    return to_lane_ints(lanes_min(lanes_max(place * (float)count, (Lanes)(0.0f)),
                                    (Lanes)(count - 1.0f)));
 }
 
@@ -50,19 +50,19 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
                                      const Bounded *bounded, const Samples *s, Lanes tau, int slab,
                                      LaneMask mask)
 {
-    int16 stratum = stratum_along(s->t, STRATA_T) * (STRATA_U * STRATA_V);
+    LaneInts stratum = stratum_along(s->t, STRATA_T) * (STRATA_U * STRATA_V);
 #ifdef LENS
     stratum += stratum_along(0.5f * s->u + 0.5f, STRATA_U);
     stratum += stratum_along(0.5f * s->v + 0.5f, STRATA_V) * STRATA_U;
 #endif
     float left[LANES], right[LANES], top[LANES], bottom[LANES];
     for (int i = 0; i < LANES; i++) {
-        const Box *box = cull->boxes + ((int *)&stratum)[i];
+        const Box *box = cull->boxes + LANE(int, stratum, i);
         left[i] = box->left, right[i] = box->right, top[i] = box->top, bottom[i] = box->bottom;
     }
     float size = tile_half(tile);
-    return mask & (bounded->x + size >= vload16(0, left)) & (bounded->x - size <= vload16(0, right))
-           & (bounded->y + size >= vload16(0, top)) & (bounded->y - size <= vload16(0, bottom));
+    return mask & (bounded->x + size >= lanes_load(left)) & (bounded->x - size <= lanes_load(right))
+           & (bounded->y + size >= lanes_load(top)) & (bounded->y - size <= lanes_load(bottom));
 }
 
 #include "stochastic/cull/scan_paths.h"

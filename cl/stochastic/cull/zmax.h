@@ -17,7 +17,7 @@ typedef struct {
 
 static float far_of_slab(const Tile *tile, int slab)
 {
-    return greatest_lane(vload16(0, tile->block_far + slab * BLOCKS));
+    return lanes_greatest(lanes_load(tile->block_far + slab * BLOCKS));
 }
 
 static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)

@@ -20,7 +20,7 @@ typedef struct {
 
 static float near_of_slab(const Tile *tile, int slab)
 {
-    return least_lane(vload16(0, tile->block_near + slab * BLOCKS));
+    return lanes_least(lanes_load(tile->block_near + slab * BLOCKS));
 }
 
 static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
