@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mbinterval.aovs import FLOWS
 from mbinterval.appearance import casting
 from mbinterval.device import records
+from mbinterval.device.kernel_effects import effect_options
 from mbinterval.effects import Effect, active_macros, effects_of
 from mbinterval.errors import UsageError
 from mbinterval.sampling import filter_of, reach_of
@@ -88,13 +89,12 @@ class Plan:
     @cached_property
     def options(self) -> tuple[str, ...]:
         """Compiler options of the kernels: one ``-D`` for each active effect and each size."""
-        sizes = dict(self.sizes)
-        flags = (f"-D{name}" for name in sorted(self.active - sizes.keys()))
-        return (*flags, *(f"-D{name}={value}" for name, value in sizes.items()))
+        sizes = (f"-D{name}={value}" for name, value in self.sizes)
+        return (*effect_options(self.active), *sizes)
 
     def flags(self, *names: str) -> tuple[str, ...]:
         """Compiler options of a kernel that knows only these effects."""
-        return tuple(f"-D{name}" for name in names if name in self.active)
+        return effect_options(self.active & set(names))
 
 
 def make_plan(
@@ -130,10 +130,10 @@ def make_plan(
     tile = settings.tile_size
     layers = max(1, min(settings.samples, _SAMPLES_AT_A_TIME // tile**2))
     sizes = {"TILE": tile}
-    if "MOVING" in active and settings.occlusion != "exact":
+    if "BIT_MASK" in active:
         sizes["MASK_BITS"] = int(settings.occlusion)
     if "SHADOWS" in active:
-        sizes["SHADOWS"] = len(casting(exposure, settings))
+        sizes["SHADOW_LIGHTS"] = len(casting(exposure, settings))
     numbers = sampling_numbers(exposure, settings, width, height) | {
         "samples": settings.samples,
         "layers": layers,
@@ -194,6 +194,7 @@ def _own_macros(settings: Settings, active: Set[str]) -> set[str]:
     """Return macros of what settings add to effects of the analytic path."""
     varying = active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR", "SKY"}
     asked = {
+        "BIT_MASK": "MOVING" in active and settings.occlusion != "exact",
         "MAX_INTERVALS": "MOVING" in active and settings.max_intervals is not None,
         "SHADING_ERROR": varying and settings.shading_times is None,
         "ANISOTROPY": "TEXTURED" in active and settings.anisotropy > 0,

@@ -59,9 +59,11 @@ def stochastic_plan(
     active |= sampling_macros(exposure, settings, active | placed)
     sizes = _own_sizes(settings, active)
     if "SHADOWS" in active:
-        sizes["SHADOWS"] = len(casting(exposure, settings))
+        sizes["SHADOW_LIGHTS"] = len(casting(exposure, settings))
     if shadow_map:
         active |= {"SHADOW_MAP"}
+    if settings.frameless > 1:
+        active |= {"FRAMELESS"}
     numbers = sampling_numbers(exposure, settings, width, height)
     numbers |= {
         "samples": samples,
@@ -148,15 +150,15 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
 
 
 def _own_sizes(settings: Settings, active: Set[str]) -> dict[str, int]:
-    sizes: dict[str, int] = {}
+    sizes = {"MOST_SLABS": SLABS, "CULL_TILE": settings.cull_tile}
     samples = sample_count(settings)
     if settings.frameless > 1:
-        sizes |= {"FRAMELESS": settings.frameless, "FRAMELESS_STEP": _step(settings.frameless)}
+        sizes |= {
+            "FRAMELESS_PIXELS": settings.frameless, "FRAMELESS_STEP": _step(settings.frameless)
+        }  # fmt: skip
     if settings.cull == "pixar":
         along, times = pixar_strata(samples, "MOVING" in active, "LENS" in active)
         sizes |= {"STRATA_U": along, "STRATA_V": along, "STRATA_T": times}
-    if settings.cull_tile != 1:
-        sizes["CULL_TILE"] = settings.cull_tile
     return sizes
 
 

@@ -154,7 +154,7 @@ def mirror_planes(mirrors: tuple[Mirror, ...]) -> NDArray[np.void]:
 
 def shadow_count(plan: Plan) -> int:
     """Return how many lights cast shadows in the plan."""
-    return int(plan.size("SHADOWS"))
+    return int(plan.size("SHADOW_LIGHTS"))
 
 
 def transform_vertices(work: Work, motion: Motion) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from mbinterval.analytic import render_analytic
 from mbinterval.device import records
+from mbinterval.device.kernel_effects import effect_options
 from mbinterval.device.runtime import DeviceArray, Runtime, runtime, seconds
 from mbinterval.errors import KernelBuildError
 from mbinterval.motion import lay_out
@@ -29,7 +30,8 @@ DEFAULTS = {"TILE": 16, "LAYERS": 1, "MASK_BITS": 128}
 def options(*effects: str, **sizes: object) -> tuple[str, ...]:
     """Compiler options as a plan makes them; a size of None is left out."""
     named = {name: value for name, value in (DEFAULTS | sizes).items() if value is not None}
-    return tuple(f"-D{name}" for name in effects) + tuple(f"-D{n}={v}" for n, v in named.items())
+    masks = ("BIT_MASK",) if "MASK_BITS" in named else ()
+    return (*effect_options((*effects, *masks)), *(f"-D{n}={v}" for n, v in named.items()))
 
 
 def run(
@@ -171,7 +173,7 @@ def shapes_and_depths(
     tables = [np.zeros(len(paths), record) for record in (records.SHAPE, records.DEPTH)]
     arguments = [vertices, paths, np.uint32(len(paths)), *one_material(flags), *tables]
     items = -(-len(paths) // 256)
-    *_, shapes, depths = run("analytic/paths.cl", "paths", arguments, ["-DEXACT"], items)
+    *_, shapes, depths = run("analytic/paths.cl", "paths", arguments, ["-DMB_EXACT"], items)
     return shapes, depths
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from kernels import numbers, run
 
 import mbinterval as mb
+from mbinterval.device.kernel_effects import effect_options
 from mbinterval.plan import sampling_numbers
 from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import expose
@@ -32,7 +33,7 @@ def places(
         "LENS": camera is not None,
         "BLADES": camera is not None and camera.blades,
     }
-    options = [f"-DTILE={TILE}", *(f"-D{name}" for name, there in flags.items() if there)]
+    options = [f"-DTILE={TILE}", *effect_options(name for name, there in flags.items() if there)]
     scene = mb.Scene([], camera=camera or Camera())
     told = sampling_numbers(expose(scene, 1.0, 1.0), settings, TILE, TILE)
     table = np.zeros(1, np.float32) if shape is None else shape.table.astype(np.float32)

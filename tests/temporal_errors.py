@@ -74,7 +74,7 @@ def _solved(
         np.zeros(2, np.uint32),
     ]  # fmt: skip
     assert DEFAULTS["LAYERS"] == 1
-    defines = ("-DEXACT", "-DMOVING", *(["-DSINGLE_SIDED"] if flags else []), *options())
+    defines = ("-DMB_EXACT", "-DMB_MOVING", *(["-DMB_SINGLE_SIDED"] if flags else []), *options())
     *_, visits, heads, _, met, (done, total) = run("solve.cl", "solve_pairs", arrays, defines)
     assert done
     pairs, t = [], []

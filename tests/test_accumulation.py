@@ -133,4 +133,4 @@ def test_a_pinhole_has_no_lines():
     for values, lens, there in ((LINES, True, True), (LINES, False, False), ({}, True, False)):
         settings = mb.Settings(method="accumulation", **values)
         plan = plan_of(with_lens(of) if lens else of, settings, *SIZE)[2]
-        assert ("-DSLICE_LINES" in plan.options) == there
+        assert ("-DMB_SLICE_LINES" in plan.options) == there

@@ -185,7 +185,7 @@ def test_a_mirror_without_shear_is_no_glossy_one():
         plan_of(scene([replace(mirror(), shear=shear)]), mb.Settings(), *SIZE)[2].options
         for shear in (0.0, 0.1)
     ]
-    assert set(options[1]) - set(options[0]) == {"-DGLOSSY", "-DPLACED"}
+    assert set(options[1]) - set(options[0]) == {"-DMB_GLOSSY", "-DMB_PLACED"}
 
 
 def test_edge_functions_over_time_refuse_glossy_mirrors():

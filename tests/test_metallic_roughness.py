@@ -38,7 +38,7 @@ def response(material: Material, normal, view, towards) -> np.ndarray:
             *(tables.materials, given, np.uint32(len(given)), tables.lights, np.uint32(1)),
             np.zeros((len(given), 3), np.float32),
         ]
-        found.append(run("shading.cl", "reflections", arrays, ["-DMETALLIC"])[-1])
+        found.append(run("shading.cl", "reflections", arrays, ["-DMB_METALLIC"])[-1])
     return np.array(found)
 
 
@@ -176,12 +176,12 @@ def options_of(material: Material) -> tuple[str, ...]:
 
 def test_each_model_is_compiled_where_it_is_called_for():
     phong, metal = options_of(Material()), options_of(METAL)
-    assert "-DPHONG" in phong
-    assert not {"-DMETALLIC", "-DEMISSION"} & set(phong)
-    assert "-DMETALLIC" in metal
-    assert not {"-DPHONG", "-DEMISSION"} & set(metal)
-    assert "-DEMISSION" in options_of(replace(METAL, emission=(1, 0, 0)))
-    assert "-DEMISSION" not in options_of(Material(shading="unlit", emission=(1, 0, 0)))
+    assert "-DMB_PHONG" in phong
+    assert not {"-DMB_METALLIC", "-DMB_EMISSION"} & set(phong)
+    assert "-DMB_METALLIC" in metal
+    assert not {"-DMB_PHONG", "-DMB_EMISSION"} & set(metal)
+    assert "-DMB_EMISSION" in options_of(replace(METAL, emission=(1, 0, 0)))
+    assert "-DMB_EMISSION" not in options_of(Material(shading="unlit", emission=(1, 0, 0)))
 
 
 @pytest.mark.parametrize(

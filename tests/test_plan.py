@@ -91,10 +91,10 @@ def test_an_effect_is_active_where_something_calls_for_it_and_says_what(name):
     source, reason = CALLED_FOR[name]
     assert reason in active(plan(source))[name]
     macro = next(effect.macro for effect in plan(source).effects if effect.name == name)
-    assert f"-D{macro}" in plan(source).options
+    assert f"-DMB_{macro}" in plan(source).options
     other = mesh() if name == "static geometry" else mesh(False)
     assert name not in active(plan(other))
-    assert f"-D{macro}" not in plan(other).options
+    assert f"-DMB_{macro}" not in plan(other).options
     assert all(effect.reason for effect in plan(other).effects)
 
 
@@ -120,7 +120,7 @@ def test_stages_are_those_of_the_method_and_none_of_time_where_nothing_moves(way
     assert both.stages == (*always[:2], "nearest", *STAGES[way], *always[2:])
     static = plan(mesh(False), **WAYS[way])
     assert static.stages == (*always[:2], "nearest", *always[2:])
-    assert not {"-DMOVING", "-DMASK_BITS=128", "-DMASK_BITS=64"} & set(static.options)
+    assert not {"-DMB_MOVING", "-DMASK_BITS=128", "-DMASK_BITS=64"} & set(static.options)
     assert static.capacity == 1  # no pools
 
 
@@ -178,7 +178,7 @@ def test_what_is_opaque_leaves_no_code_of_transparency():
     # To the letter what a scene has that knows of no alpha.
     of_alpha = plan(mesh(material=Material(shading="unlit", opacity=0.5, alpha_mode="opaque")))
     assert of_alpha.options == plan(mesh()).options == (
-        *("-DEXACT", "-DMOVING", "-DTILE=16"),
+        *("-DMB_EXACT", "-DMB_MOVING", "-DTILE=16"),
     )  # fmt: skip
 
 
@@ -214,13 +214,13 @@ def test_without_an_environment_there_is_no_code_of_it_and_with_one_what_the_sce
             assert builds_without(without, names, "shared/records.h")
             assert not builds_without(lit, names, "shared/records.h")
             assert builds_without(lit, ("sky_light", "shares_at"), "shared/records.h")
-        assert set(lit.options) == {*without.options, "-DENVIRONMENT"}
+        assert set(lit.options) == {*without.options, "-DMB_ENVIRONMENT"}
         assert lit.stages == ("cube_map", *without.stages)
         seen = plan(mesh(), scene=dataclasses.replace(plain, meshes=[mesh()], environment=sky),
                     method=method)  # fmt: skip
         flat = plan(mesh(), method=method)
         more = {name.split("=")[0] for name in set(seen.options) - set(flat.options)}
-        assert more == {"-DSKY", *(["-DSHADING_ERROR"] if method == "analytic" else [])}
+        assert more == {"-DMB_SKY", *(["-DMB_SHADING_ERROR"] if method == "analytic" else [])}
         assert set(flat.options) < set(seen.options)
     # Nothing mirrors but metallic-roughness materials, whatever asks for it.
     asked = dataclasses.replace(clay[0], reflections=mb.Reflections())
@@ -228,7 +228,7 @@ def test_without_an_environment_there_is_no_code_of_it_and_with_one_what_the_sce
         scene=dataclasses.replace(plain, meshes=clay[:1])
     ).options  # fmt: skip
     mirror = dataclasses.replace(asked, material=chrome)
-    assert "-DREFLECTIONS" in plan(scene=dataclasses.replace(plain, meshes=[mirror])).options
+    assert "-DMB_REFLECTIONS" in plan(scene=dataclasses.replace(plain, meshes=[mirror])).options
     clear = dataclasses.replace(plain, meshes=[mesh()], environment=sky)
     assert plan(scene=clear, transparent=True).stages[0] == "paths"
 
@@ -298,7 +298,7 @@ def test_point_lights_are_called_for_by_lit_materials_under_them():
         planned = plan(scene=Scene(meshes=meshes, camera=UNIT_CAMERA, lights=lights))
         for kind in ("POINT", "SPOT"):
             assert (f"{kind.lower()} lights" in active(planned)) == (kind in called_for)
-            assert (f"-D{kind}_LIGHTS" in planned.options) == (kind in called_for)
+            assert (f"-DMB_{kind}_LIGHTS" in planned.options) == (kind in called_for)
 
 
 def test_plans_are_values():

@@ -217,9 +217,9 @@ def test_what_is_not_asked_for_leaves_no_code_no_buffer_and_no_stage():
     effect = {e.name: e for e in plan(mesh(), aovs="deep,uv").effects}["visible spans kept"]
     assert (effect.active, effect.reason) == (True, "deep")
     events = plan(mesh(), aovs="events", event_steps=7)
-    assert "-DEVENT_STEPS" in events.options
+    assert "-DMB_EVENT_STEPS" in events.options
     assert dict(events.numbers)["event_steps"] == 7
-    assert set(asked.options) - set(none.options) == {"-DRECORDED"}
+    assert set(asked.options) - set(none.options) == {"-DMB_RECORDED"}
 
 
 def test_oclgrind_sees_the_stage():

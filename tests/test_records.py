@@ -88,7 +88,7 @@ def test_spans_have_their_steps_where_lights_cast_shadows(tmp_path):
     file, dtype = tmp_path / "probe.cl", SHADED_SPAN
     file.write_text(probe_source("Span", dtype))
     arguments = [sample(dtype), np.zeros(1 + 2 * len(dtype.names), np.uint64), np.zeros(5)]
-    _, layout, values = run(file, "probe", arguments, ["-DSHADOWS=1"])
+    _, layout, values = run(file, "probe", arguments, ["-DMB_SHADOWS"])
     assert layout.tolist() == host_layout(dtype)
     assert np.array_equal(values, flattened(sample(dtype)))
 

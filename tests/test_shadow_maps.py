@@ -72,12 +72,12 @@ def test_the_plan_has_a_stage_for_maps_where_they_are_asked_for():
     mapped = mb.Settings(**POINTS, shadow_map=32)
     plan = plan_of(of, mapped, *SIZE)[2]
     assert "shadow_map" in plan.stages
-    assert "-DSHADOW_MAP" in plan.options
+    assert "-DMB_SHADOW_MAP" in plan.options
     assert dict(plan.numbers)["shadow_size"] == 32
     assert "shadow_map" in mb.render(of, width=8, height=8, settings=mapped).timings
     for other in (mb.Settings(**POINTS), replace(mapped, shadows="off")):
         plan = plan_of(of, other, *SIZE)[2]
         assert "shadow_map" not in plan.stages
-        assert not [option for option in plan.options if "SHADOW_" in option]
+        assert not [option for option in plan.options if "SHADOW_MAP" in option]
     with pytest.raises(mb.UsageError, match=r"shadow_map=32 with method='analytic'"):
         mb.Settings(shadow_map=32)

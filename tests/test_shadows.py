@@ -336,7 +336,7 @@ def test_the_plan_says_why_and_a_scene_without_shadows_has_nothing_of_them():
             effect = next(e for e in plan.effects if e.name == "shadows")
             assert (effect.active, effect.reason) == (count > 0, reason)
             named = [option for option in plan.options if "SHADOW" in option]
-            assert named == [f"-DSHADOWS={count}"] * (count > 0)
+            assert named == ["-DMB_SHADOWS", f"-DSHADOW_LIGHTS={count}"] * (count > 0)
             assert ("shadow" in plan.stages) == (count > 0 and method == "analytic")
     assert contents(bright) == contents(of, shadows="off")
     assert contents(bright, shadows="all") == contents(of)

@@ -184,7 +184,7 @@ def test_nothing_of_it_is_compiled_where_it_is_not_asked_for():
         for macro in ("LENS", "BLADES", "ROLLING", "SHUTTER", "PLACED", "SCATTERED", "FILTER"):
             assert macro not in options
     curved = plan_of(panned(CURVES["table"]), mb.Settings(), *SIZE)[2]
-    assert "-DSHUTTER_CURVE" in curved.options
+    assert "-DMB_SHUTTER_CURVE" in curved.options
     assert dict(curved.numbers)["shutter_keys"] == 5
 
 
@@ -315,7 +315,7 @@ def blur_of(camera: Camera, w: np.ndarray) -> np.ndarray:
     motion = lay_out(expose(Scene(meshes=[mesh], camera=camera), 1.0, 2.0), *SIZE)
     table = np.zeros(motion.vertex_count, records.VERTEX)
     given = [motion.jobs, motion.positions, motion.cameras, table]
-    table = run("shared/vertices.cl", "vertices", given, ["-DLENS"], len(motion.jobs))[-1]
+    table = run("shared/vertices.cl", "vertices", given, ["-DMB_LENS"], len(motion.jobs))[-1]
     return table["circle"] / table["w"]
 
 

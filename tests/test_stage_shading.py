@@ -23,7 +23,7 @@ def looked_up(texture: Texture, uv: np.ndarray, level: np.ndarray) -> np.ndarray
         tables.texels, tables.textures[1:], uv.astype(np.float32), level.astype(np.float32),
         np.uint32(len(uv)), np.zeros((len(uv), 4), np.float32),
     ]  # fmt: skip
-    return run("shading.cl", "lookups", arrays, ["-DALPHA_VARIES"])[-1]
+    return run("shading.cl", "lookups", arrays, ["-DMB_ALPHA_VARIES"])[-1]
 
 
 def reference(texture: Texture, uv: np.ndarray, level: np.ndarray) -> np.ndarray:
@@ -96,8 +96,8 @@ def test_reflected_light_is_phongs_sum_over_the_lights(shininess, lights):
         np.zeros((len(given), 3), np.float32),
     ]  # fmt: skip
     kinds = {light.kind for light in lights}
-    defines = ["-DPOINT_LIGHTS"] * bool(kinds & {"point", "spot"})
-    defines += ["-DSPOT_LIGHTS"] * ("spot" in kinds)
+    defines = ["-DMB_POINT_LIGHTS"] * bool(kinds & {"point", "spot"})
+    defines += ["-DMB_SPOT_LIGHTS"] * ("spot" in kinds)
     found = run("shading.cl", "reflections", arrays, defines)[-1]
     color, position, normal, view = given.astype(np.float64).swapaxes(0, 1)
     parts = [twin.phong(material, color, position, normal, view, light) for light in lights]

@@ -60,20 +60,20 @@ def test_every_choice_that_is_given_is_in_the_plan():
     from kernels import plan_of
 
     for values, macro in (
-        ({}, "-DCULL_BEST"),
+        ({}, "-DMB_CULL_BEST"),
         ({"cull": "pixar", "samples": 16}, "-DSTRATA_T=16"),
-        ({"pattern": "jittered", "samples": 12}, "-DPATTERN_JITTERED"),
-        ({"test": "edges"}, "-DTEST_EDGES"),
-        ({"statistics": True}, "-DSTATISTICS"),
-        ({"frameless": 4}, "-DFRAMELESS=4"),
+        ({"pattern": "jittered", "samples": 12}, "-DMB_PATTERN_JITTERED"),
+        ({"test": "edges"}, "-DMB_TEST_EDGES"),
+        ({"statistics": True}, "-DMB_STATISTICS"),
+        ({"frameless": 4}, "-DFRAMELESS_PIXELS=4"),
     ):
         settings = mb.Settings(method="stochastic", **values)
         plan = plan_of(CASES["shared edges"].make(), settings, *SIZE)[2]
         assert macro in plan.options
         assert dict(plan.numbers)["columns"] == {4: 2, 12: 3, 16: 4}[settings.samples]
         plain = plan_of(CASES["shared edges"].make(), replace(settings, cull="bbox"), *SIZE)[2]
-        assert "-DLENS" not in plain.options
-        assert "-DPHONG" not in plain.options
+        assert "-DMB_LENS" not in plain.options
+        assert "-DMB_PHONG" not in plain.options
 
 
 def test_nothing_at_all_is_the_background():

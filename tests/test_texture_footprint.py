@@ -36,7 +36,7 @@ def test_look_ups_are_a_row_along_the_longer_side():
         *(tables.texels, tables.textures, given, np.uint32(len(given)), np.int32(4)),
         np.zeros((len(given), 3), np.float32),
     ]
-    found = run("shading.cl", "footprints", arrays, ["-DANISOTROPY"])[-1]
+    found = run("shading.cl", "footprints", arrays, ["-DMB_ANISOTROPY"])[-1]
     uv, right, down, least = np.split(given.astype(np.float64), [2, 4, 6], axis=1)
     chain = twin.mip_chain(texture.image)
     truth = twin.averaged(chain, texture, uv, right, down, 4, least[:, 0])[:, :3]

@@ -66,7 +66,7 @@ def solved(
     depths = np.zeros(len(paths), records.DEPTH)
     arguments = [vertices, paths, np.uint32(len(paths)), *one_material(single), shapes, depths]
     items = -(-len(paths) // 256)
-    shapes = run("analytic/paths.cl", "paths", arguments, ["-DEXACT"], items)[-2]
+    shapes = run("analytic/paths.cl", "paths", arguments, ["-DMB_EXACT"], items)[-2]
     places = np.resize(samples.astype(np.float32), (-(-len(samples) // 8) * 8, 2))
     capacity = 64 * len(places) + 8 * len(paths)
     state = [np.zeros(len(places), kind) for kind in (np.int32, np.int32, np.uint32)]
@@ -75,7 +75,7 @@ def solved(
         np.uint32(len(places)), np.uint32(scalar), np.uint32(capacity),
         np.zeros(capacity, records.VISIT), *state, np.zeros(2, np.uint32),
     ]  # fmt: skip
-    defines = ("-DEXACT", "-DMOVING", "-DSINGLE_SIDED", *options())
+    defines = ("-DMB_EXACT", "-DMB_MOVING", "-DMB_SINGLE_SIDED", *options())
     *_, visits, heads, _, _, (done, _) = run("solve.cl", "solve_all", arguments, defines)
     assert done
     sample, node = np.arange(len(samples)), heads[: len(samples)]
@@ -139,7 +139,7 @@ def seen(positions: np.ndarray, camera: Camera, faces: np.ndarray) -> Sweep:
     motion = lay_out(exposure, *SIZE)
     table = np.zeros(motion.vertex_count, records.VERTEX)
     given = [motion.jobs, motion.positions, motion.cameras, table]
-    table = run("shared/vertices.cl", "vertices", given, ["-DEXACT"], len(motion.jobs))[-1]
+    table = run("shared/vertices.cl", "vertices", given, ["-DMB_EXACT"], len(motion.jobs))[-1]
     points = np.stack([table[name] for name in "xyw"], axis=1)
     return Sweep(points.reshape(2, -1, 3), faces)
 

@@ -40,8 +40,7 @@ def parameters(text: str, active: frozenset[str] | None = None) -> dict[str, str
     there, depth = [True], []
     for line in text.splitlines():
         if line.startswith("#if"):
-            condition = re.sub(r"#ifdef (\w+)", r"defined(\1)", line).removeprefix("#if ")
-            condition = re.sub(r"defined\((\w+)\)", r"('\1' in active)", condition)
+            condition = re.sub(r"(\w+)\(\)", r"('\1' in active)", line.removeprefix("#if "))
             condition = condition.replace("||", " or ").replace("&&", " and ")
             holds = active is None or eval(condition, {"active": active})
             there.append(there[-1] and holds)

@@ -4,26 +4,28 @@
 #ifndef MB_AOV_H
 #define MB_AOV_H
 
+#include "shared/effects.h"
+
 enum {
-#ifdef AOV_DEPTH
+#if AOV_DEPTH()
     PLANE_DEPTH,
 #endif
-#ifdef AOV_NORMAL
+#if AOV_NORMAL()
     PLANE_NORMAL, PLANE_NORMAL_Y, PLANE_NORMAL_Z,
 #endif
-#ifdef AOV_UV
+#if AOV_UV()
     PLANE_UV, PLANE_UV_V,
 #endif
-#ifdef AOV_FORWARD
+#if AOV_FORWARD()
     PLANE_FORWARD, PLANE_FORWARD_V,
 #endif
-#ifdef AOV_BACKWARD
+#if AOV_BACKWARD()
     PLANE_BACKWARD, PLANE_BACKWARD_V,
 #endif
-#ifdef AOV_MESH
+#if AOV_MESH()
     PLANE_MESH,
 #endif
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
     PLANE_OPERATIONS,
 #endif
     PLANES
@@ -32,16 +34,16 @@ enum {
 // What goes with them; what is not asked for is not there.
 typedef struct {
     size_t size;                   // words of a plane: pixels of the film
-#if defined(MOMENTARY) || defined(AOV_OPERATIONS)
+#if MOMENTARY() || AOV_OPERATIONS()
     global uint *planes;
 #endif
-#ifdef AOV_SHARP
+#if AOV_SHARP()
     global float4 *sharp;          // the film at the moment
 #endif
-#ifdef AOV_FORWARD
+#if AOV_FORWARD()
     global const double *forward;  // where vertices are in the next frame, x w, y w and w
 #endif
-#ifdef AOV_BACKWARD
+#if AOV_BACKWARD()
     global const double *backward; // in the one before
 #endif
 } Aovs;

@@ -7,6 +7,7 @@
 #ifndef MB_BLEND_H
 #define MB_BLEND_H
 
+#include "shared/effects.h"
 #include "analytic/mirror_walk.h"
 #include "analytic/line_window.h"
 
@@ -27,21 +28,21 @@ static inline uint stack_size(global const Span *spans, uint count)
 // What each layer of a stack adds, for stage "record": in scratch that nothing else needs by now.
 static inline void clear_added(const Tile *tile, uint count)
 {
-#ifdef RECORDED
+#if RECORDED()
     for (uint k = 0; k < count; k++) vstore4((float4)(0.0f), k, tile->ordering);
 #endif
 }
 
 static inline void keep_added(const Tile *tile, uint layer, float4 color)
 {
-#ifdef RECORDED
+#if RECORDED()
     vstore4(vload4(layer, tile->ordering) + color, layer, tile->ordering);
 #endif
 }
 
 static inline void scale_added(const Tile *tile, uint count, float by)
 {
-#ifdef RECORDED
+#if RECORDED()
     for (uint k = 0; k < count; k++)
         vstore4(by * vload4(k, tile->ordering), k, tile->ordering);
 #endif
@@ -57,19 +58,19 @@ static inline float middle_depth(const Tile *tile, Span span, Place place)
     return span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
 }
 
-#ifdef MIRRORS
+#if MIRRORS()
 
 // What the mirror shows where nothing else is, from times.x to times.y: the environment, or the
 // background of the sample's pixel.
 static float4 mirrored_behind(const Tile *tile, int sample, Span mirror, float2 times, Place place,
                               float2 window)
 {
-#ifdef SKY
+#if SKY()
     Gaze gaze = gaze_at(place, mesh_of(&tile->scene, mirror.source)->mirror);
     return (float4)(sky_between(tile, &gaze, window, times, 0, 0u), 1.0f);
 #else
     const Frame *frame = &tile->frame;
-#ifdef BACKGROUND_IMAGE
+#if BACKGROUND_IMAGE()
     int x = tile->x + sample % TILE - frame->x, y = tile->y + sample / TILE % TILE - frame->y;
     return (float4)(vload3((size_t)y * frame->width + x, tile->background), 1.0f);
 #else
@@ -78,12 +79,12 @@ static float4 mirrored_behind(const Tile *tile, int sample, Span mirror, float2 
 #endif
 }
 
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
 // Likewise at places of a stack's time.
 static Colors mirrored_along(const Tile *tile, int sample, Span mirror, Span stretch, Place place,
                              float2 window, Instants places)
 {
-#ifdef SKY
+#if SKY()
     Gaze gaze = gaze_at(place, mesh_of(&tile->scene, mirror.source)->mirror);
     Lanes3 ways = ways_of(tile, &gaze, times_of(stretch, places));
     Lanes3 light = sky_light(&tile->scene, ways, places.count);
@@ -99,7 +100,7 @@ static Colors mirrored_along(const Tile *tile, int sample, Span mirror, Span str
 
 #endif
 
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
 
 static bool alpha_varies(const Tile *tile, global const Span *spans, uint count)
 {
@@ -116,7 +117,7 @@ static bool layer_colors(const Tile *tile, int sample, Span span, Place place, f
     Shaded s = load_shaded(&tile->scene, span.source);
     const float *base = s.path.color;
     float4 flat = (float4)(base[0], base[1], base[2], s.path.alpha);
-#ifdef STILL
+#if STILL()
     if (span.source < tile->scene.numbers.static_paths) flat = tile->still[sample];
     else
 #endif
@@ -161,7 +162,7 @@ static bool blend_places(const Tile *tile, int sample, global const Span *spans,
         rest -= part;
         left = lanes_sum(light * rest);
     }
-#ifdef MIRRORS
+#if MIRRORS()
     if (mirror < count) {
         Colors behind = mirrored_along(tile, sample, spans[mirror], stretch, place, window, places);
         Colors added = {rest * behind.x, rest * behind.y, rest * behind.z, rest};
@@ -192,7 +193,7 @@ static Blended blend_over_time(const Tile *tile, int sample, global const Span *
             refine(&places);
             continue;
         }
-#ifdef RECORDED
+#if RECORDED()
         blend_places(tile, sample, spans, count, stretch, place, window, places, &light, true,
                      &part);
 #endif
@@ -211,7 +212,7 @@ static Blended blend_stack(const Tile *tile, int sample, global const Span *span
                            float2 times, Place place, float2 window)
 {
     clear_added(tile, count);
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     if (alpha_varies(tile, spans, count))
         return blend_over_time(tile, sample, spans, count, times, place, window);
 #endif
@@ -229,7 +230,7 @@ static Blended blend_stack(const Tile *tile, int sample, global const Span *span
         sum.depth += rest * alpha * depth;
         rest *= 1.0f - alpha;
     }
-#ifdef MIRRORS
+#if MIRRORS()
     if (mirror < count) {
         float4 behind = mirrored_behind(tile, sample, spans[mirror], times, place, window);
         sum.color += rest * behind, sum.depth += rest * depth;

@@ -3,6 +3,7 @@
 #ifndef MB_DEPTH_CURVE_H
 #define MB_DEPTH_CURVE_H
 
+#include "shared/effects.h"
 #include "analytic/edges.h"
 #include "shared/bernstein.h"
 #include "shared/quintic.h"
@@ -28,10 +29,10 @@ static DepthCurve depth_curve(const Tile *tile, uint path_index, Place place)
     DepthCurve curve;
     global const Depth *depth = tile->depths + path_index;
     curve.open = depth->open, curve.length = depth->length;
-#ifdef LENS
+#if LENS()
     depth_from_edges(tile, path_index, place, &curve);
 #else
-#ifdef GLOSSY
+#if GLOSSY()
     if (tile->scene.meshes[tile->scene.paths[path_index].mesh].sheared) {
         depth_from_edges(tile, path_index, place, &curve);
         return curve;

@@ -10,12 +10,13 @@
 #ifndef MB_EDGES_H
 #define MB_EDGES_H
 
+#include "shared/effects.h"
 #include "analytic/tile_of_rows.h"
 #include "shared/shear.h"
 
 typedef struct {
     double x[6], y[6], w[6]; // vertices 0 1 2 at the segment's start, 3 4 5 at its end
-#ifdef LENS
+#if LENS()
     double circle[6];
 #endif
     uint reversed;           // bit of edge i
@@ -27,7 +28,7 @@ static void load_moving(global const Vertex *vertices, Path path, uint flags, Mo
     for (int i = 0; i < 6; i++) {
         Vertex v = vertices[corner[i % 3] + (i < 3 ? 0u : path.step)];
         m->x[i] = v.x, m->y[i] = v.y, m->w[i] = v.w;
-#ifdef LENS
+#if LENS()
         m->circle[i] = v.circle;
 #endif
     }
@@ -36,7 +37,7 @@ static void load_moving(global const Vertex *vertices, Path path, uint flags, Mo
     m->reversed = (sides >> 1 & 1u) | (sides >> 2 & 1u) << 1 | (sides & 1u) << 2;
 }
 
-#ifdef GLOSSY
+#if GLOSSY()
 
 // Heights of the vertices over the plane that they are sheared along.
 static void shear_heights(const Shear *shear, const MovingTriangle *m, double *height)
@@ -63,7 +64,7 @@ static void load_seen(const Tile *tile, uint path_index, Place place, MovingTria
 {
     Path path = tile->scene.paths[path_index];
     load_moving(tile->scene.vertices, path, tile->shapes[path_index].flags, m);
-#ifdef GLOSSY
+#if GLOSSY()
     Shear shear = load_shear(tile->scene.cameras, tile->scene.meshes + path.mesh, path);
     if (!shear.any) return;
     double height[6];
@@ -96,7 +97,7 @@ static inline void fetch_ahead(const Tile *tile, uint k)
 
 static inline bool is_single_sided(const Tile *tile, Path path)
 {
-#ifdef SINGLE_SIDED
+#if SINGLE_SIDED()
     uint material = tile->scene.meshes[path.mesh].material;
     return tile->scene.materials[material].flags & MATERIAL_SINGLE_SIDED;
 #else
@@ -124,7 +125,7 @@ static inline double cross2(double px, double py, double qx, double qy)
 static inline double shifted_x(const MovingTriangle *m, int i, Place p)
 {
     double x = m->x[i];
-#ifdef LENS
+#if LENS()
     x = fma((double)p.u, m->circle[i], x);
 #endif
     return fma(-(double)p.x, m->w[i], x);
@@ -133,7 +134,7 @@ static inline double shifted_x(const MovingTriangle *m, int i, Place p)
 static inline double shifted_y(const MovingTriangle *m, int i, Place p)
 {
     double y = m->y[i];
-#ifdef LENS
+#if LENS()
     y = fma((double)p.v, m->circle[i], y);
 #endif
     return fma(-(double)p.y, m->w[i], y);

@@ -8,6 +8,7 @@
 // as in a merge sort, each time in one walk through both: where both have something to show, bounds
 // of depth decide, or else the exact order, with a cut wherever it changes. That takes O(n log n)
 // for n intervals.
+#include "shared/effects.h"
 #include "analytic/depth_curve.h"
 #include "analytic/line_window.h"
 
@@ -174,7 +175,7 @@ static int gather_fronts(Tile *tile, int sample, float2 window, Cover *cover)
 {
     int count = 0;
     cover->count = 0;
-#ifdef STATIC
+#if STATIC()
     if (tile->static_depth[sample] < INFINITY) {
         float depth = (float)tile->static_depth[sample];
         Front always = {window.x, window.y, depth * (1.0f - 1e-6f), depth * (1.0f + 1e-6f),
@@ -186,7 +187,7 @@ static int gather_fronts(Tile *tile, int sample, float2 window, Cover *cover)
 #endif
     for (int node = tile->heads[sample]; node >= 0; node = tile->visits[node].next) {
         Visit visit = tile->visits[node];
-#ifdef TRANSLUCENT
+#if STACKS()
         if (visit.path & TRANSLUCENT_BIT) continue;
 #endif
         Front front = {visit.t0, visit.t1, visit.near, visit.far, visit.path};

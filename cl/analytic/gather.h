@@ -2,6 +2,7 @@
 #ifndef MB_GATHER_H
 #define MB_GATHER_H
 
+#include "shared/effects.h"
 #include "analytic/edges.h"
 #include "analytic/walk.h"
 #include "shared/lanes.h"
@@ -13,10 +14,10 @@ typedef struct {
     uint index;
     global const Shape *shape;
     bool single_sided;
-#ifdef MIRRORS
+#if MIRRORS()
     bool mirrors, reflected;        // it is a mirror, or seen in one
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     Shear shear;
     double height[6];               // of the vertices over the plane that they are sheared along
     float a[DOUBLES], b[DOUBLES];
@@ -29,7 +30,7 @@ typedef struct {
     int waiting;
     int samples[DOUBLES];
     float x[DOUBLES], y[DOUBLES];
-#ifdef LENS
+#if LENS()
     float u[DOUBLES], v[DOUBLES];
 #endif
 } Gather;
@@ -39,10 +40,10 @@ static void clear_gather(Gather *g)
 {
     for (int i = 0; i < DOUBLES; i++) {
         g->x[i] = g->y[i] = 0.0f;
-#ifdef LENS
+#if LENS()
         g->u[i] = g->v[i] = 0.0f;
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
         g->a[i] = g->b[i] = 0.0f;
 #endif
     }
@@ -55,12 +56,12 @@ static void begin_gather(const Tile *tile, uint path_index, Gather *g)
     g->shape = tile->shapes + path_index;
     g->open = g->path.open, g->length = (double)g->path.close - g->path.open;
     g->single_sided = is_single_sided(tile, g->path);
-#ifdef MIRRORS
+#if MIRRORS()
     Mesh mesh = tile->scene.meshes[g->path.mesh];
     g->mirrors = mesh.mirror != 0u, g->reflected = mesh.world != 0u;
 #endif
     load_moving(tile->scene.vertices, g->path, g->shape->flags, &g->triangle);
-#ifdef GLOSSY
+#if GLOSSY()
     g->shear = load_shear(tile->scene.cameras, tile->scene.meshes + g->path.mesh, g->path);
     if (g->shear.any) shear_heights(&g->shear, &g->triangle, g->height);
 #endif
@@ -91,11 +92,11 @@ static bool next_row(const Tile *tile, Gather *g)
     }
 }
 
-#ifdef STATIC
+#if STATIC()
 // Whether something static lies before all of the path; nothing does before what a mirror shows.
 static inline bool is_behind_static(const Tile *tile, const Gather *g, int sample)
 {
-#ifdef MIRRORS
+#if MIRRORS()
     if (g->reflected) return false;
 #endif
     return g->shape->near > tile->static_depth[sample];
@@ -113,16 +114,16 @@ static bool gather_samples(const Tile *tile, Gather *g)
         int start = (g->block + g->row) * TILE;
         for (; g->column <= g->last[g->row]; g->column++) {
             int sample = start + g->column;
-#ifdef STATIC
+#if STATIC()
             if (is_behind_static(tile, g, sample)) continue;
 #endif
             Place place = place_of(tile, sample);
             g->samples[g->waiting] = sample;
             g->x[g->waiting] = place.x, g->y[g->waiting] = place.y;
-#ifdef LENS
+#if LENS()
             g->u[g->waiting] = place.u, g->v[g->waiting] = place.v;
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
             g->a[g->waiting] = place.a, g->b[g->waiting] = place.b;
 #endif
             if (++g->waiting == DOUBLES) {
@@ -136,7 +137,7 @@ static bool gather_samples(const Tile *tile, Gather *g)
 // Count the tests of the samples at hand.
 static inline void count_tested(Tile *tile, const Gather *g)
 {
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
     for (int i = 0; i < g->waiting; i++) tile->tested[g->samples[i]]++;
 #endif
 }
@@ -144,16 +145,16 @@ static inline void count_tested(Tile *tile, const Gather *g)
 static inline Place gathered_place(const Gather *g, int i)
 {
     Place place = {g->x[i], g->y[i], 0.0f, 0.0f};
-#ifdef LENS
+#if LENS()
     place.u = g->u[i], place.v = g->v[i];
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     place.a = g->a[i], place.b = g->b[i];
 #endif
     return place;
 }
 
-#ifdef GLOSSY
+#if GLOSSY()
 // What is added to x, y or w (0, 1, 2) of vertex i for each sample at hand: the same operations as
 // shear_triangle.
 static INLINED Doubles gathered_shear(const Gather *g, int i, int which)
@@ -169,7 +170,7 @@ static INLINED Doubles gathered_shear(const Gather *g, int i, int which)
 static INLINED Doubles gathered_w(const Gather *g, int i)
 {
     Doubles w = g->triangle.w[i];
-#ifdef GLOSSY
+#if GLOSSY()
     w += gathered_shear(g, i, 2);
 #endif
     return w;
@@ -179,10 +180,10 @@ static INLINED Doubles gathered_w(const Gather *g, int i)
 static INLINED Doubles gathered_x(const Gather *g, int i)
 {
     Doubles x = g->triangle.x[i];
-#ifdef GLOSSY
+#if GLOSSY()
     x += gathered_shear(g, i, 0);
 #endif
-#ifdef LENS
+#if LENS()
     x = fma(to_doubles(doubles_load(g->u)), (Doubles)(g->triangle.circle[i]), x);
 #endif
     return fma(-to_doubles(doubles_load(g->x)), gathered_w(g, i), x);
@@ -191,10 +192,10 @@ static INLINED Doubles gathered_x(const Gather *g, int i)
 static INLINED Doubles gathered_y(const Gather *g, int i)
 {
     Doubles y = g->triangle.y[i];
-#ifdef GLOSSY
+#if GLOSSY()
     y += gathered_shear(g, i, 1);
 #endif
-#ifdef LENS
+#if LENS()
     y = fma(to_doubles(doubles_load(g->v)), (Doubles)(g->triangle.circle[i]), y);
 #endif
     return fma(-to_doubles(doubles_load(g->y)), gathered_w(g, i), y);

@@ -6,6 +6,7 @@
 // missing lies at w = 0, at the time when the triangle's plane passes through the eye. It is put in
 // before pairing; where there is no such time, rounding made the number odd, and the fragment
 // nearest to the eye is left out.
+#include "shared/effects.h"
 #include "analytic/line_window.h"
 
 #define MAX_FRAGMENTS 16
@@ -22,7 +23,7 @@ static Interval clip_interval(Interval whole, float low, float high)
 
 static bool append_interval(Tile *tile, Interval interval)
 {
-#ifdef ROLLING
+#if ROLLING()
     interval = clip_interval(interval, tile->window.x, tile->window.y);
 #endif
     if (!(interval.t1 > interval.t0)) return true;
@@ -34,7 +35,7 @@ static bool append_interval(Tile *tile, Interval interval)
 // Append what of the interval can be seen: of a single-sided path, the times when it faces us.
 static bool append_facing(Tile *tile, Interval interval, uint path_index)
 {
-#ifdef SINGLE_SIDED
+#if SINGLE_SIDED()
     Path path = tile->scene.paths[path_index];
     uint material = tile->scene.meshes[path.mesh].material;
     if (tile->scene.materials[material].flags & MATERIAL_SINGLE_SIDED) {
@@ -101,7 +102,7 @@ static bool pair_fragments(Tile *tile, Fragment *list, int count, uint path_inde
 {
     order_fragments(list, count, false);
     if (count & 1) count = complete_fragments(tile, list, count, path_index);
-#ifdef PAIR_BY_DEPTH
+#if PAIR_BY_DEPTH()
     order_fragments(list, count, true);
 #endif
     for (int i = 0; i < count; i += 2) {
@@ -126,7 +127,7 @@ static bool sample_intervals(Tile *tile, int sample)
             if (count < MAX_FRAGMENTS) list[count++] = tile->fragments[node];
         if (!pair_fragments(tile, list, count, path_index)) return false;
     }
-#ifdef STATIC
+#if STATIC()
     if (tile->static_depth[sample] < INFINITY) {
         float w = (float)tile->static_depth[sample];
         uint part = tile->static_part[sample];

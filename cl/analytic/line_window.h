@@ -2,6 +2,7 @@
 #ifndef MB_LINE_WINDOW_H
 #define MB_LINE_WINDOW_H
 
+#include "shared/effects.h"
 #include "analytic/tile_of_rows.h"
 #include "shared/shutter.h"
 
@@ -11,7 +12,7 @@ static inline float2 window_of(const Tile *tile, int sample)
     return line_window(&tile->scene, tile->x + sample % TILE, tile->y + sample / TILE % TILE);
 }
 
-#if defined(MOMENTARY) || defined(AOV_SHARP)
+#if MOMENTARY() || AOV_SHARP()
 // The moment of the sharp frame, for a line that is exposed in `window`; never its very end, at
 // which nothing is seen any more.
 static inline float moment_in(const Tile *tile, float2 window)

@@ -2,6 +2,7 @@
 //
 // Bit i belongs to the interval that is nearest at (i + 1/2) / MASK_BITS, by exact depth; of equal
 // ones to the path that comes first. Every run of bits of one interval is a span.
+#include "shared/effects.h"
 #include "analytic/depth_curve.h"
 #include "analytic/runs.h"
 #include "shared/lanes.h"
@@ -21,7 +22,7 @@ static INLINED Doubles curve_nearness(const DepthCurve *c, Doubles t)
 // Owners are nodes of the sample's list, or the static surface.
 static inline Owned owned_by(const Tile *tile, int sample, int owner)
 {
-#ifdef STATIC
+#if STATIC()
     if (owner == OWNED_BY_STATIC) {
         float2 window = window_of(tile, sample);
         Owned always = {window.x, window.y, tile->static_part[sample] >> PART_BITS};
@@ -68,7 +69,7 @@ static bool mask(Tile *tile)
             owner[bit] = FREE;
             centres[bit] = time_of_light(&tile->scene, window, (bit + 0.5f) * BIT);
         }
-#ifdef STATIC
+#if STATIC()
         if (tile->static_depth[i] < INFINITY)
             take_nearest(tile, i, centres, OWNED_BY_STATIC, nearness, owner);
 #endif

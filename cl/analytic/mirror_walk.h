@@ -8,13 +8,14 @@
 #ifndef MB_MIRROR_WALK_H
 #define MB_MIRROR_WALK_H
 
+#include "shared/effects.h"
 #include "analytic/tile_of_rows.h"
 
 // Whether a walk from the eye that comes to this path in `world` sees it; where it is a mirror the
 // world changes.
 static inline bool walk_sees(const Tile *tile, uint path, uint *world)
 {
-#ifdef MIRRORS
+#if MIRRORS()
     global const Mesh *mesh = mesh_of(&tile->scene, path);
     if (mesh->world != *world) return false;
     if (mesh->mirror) *world = mesh->mirror;
@@ -25,7 +26,7 @@ static inline bool walk_sees(const Tile *tile, uint path, uint *world)
 // Alpha of a path, or what of its own colour a mirror shows; below 0 where it varies.
 static inline float alpha_of_path(const Tile *tile, uint path)
 {
-#ifdef MIRRORS
+#if MIRRORS()
     global const Mesh *mesh = mesh_of(&tile->scene, path);
     if (mesh->mirror) return 1.0f - mesh->reflectivity;
 #endif
@@ -36,7 +37,7 @@ static inline float alpha_of_path(const Tile *tile, uint path)
 // none.
 static inline uint mirror_among(const Tile *tile, global const Span *spans, uint count)
 {
-#ifdef MIRRORS
+#if MIRRORS()
     for (uint i = 0; i < count; i++)
         if (mesh_of(&tile->scene, spans[i].source)->mirror) return i;
 #endif

@@ -4,11 +4,12 @@
 // Most patterns have no sample at the centre, and a sample more would be solved over the whole
 // shutter for one moment of it. So the triangles of all motion paths are frozen at the moment, and
 // the z-buffer of what does not move ("nearest") takes them too. It comes last: that is free then.
+#include "shared/effects.h"
 #include "shared/film.h"
 #include "analytic/line_window.h"
 #include "analytic/surface_color.h"
 
-#ifdef TRANSLUCENT
+#if STACKS()
 #define ALPHA_THERE 0.5f // from which on a translucent surface is what is seen
 #endif
 
@@ -42,7 +43,7 @@ static void freeze_triangle(const MovingTriangle *m, double tau, MovingTriangle 
         frozen->x[i] = frozen->x[i + 3] = m->x[i] + tau * (m->x[i + 3] - m->x[i]);
         frozen->y[i] = frozen->y[i + 3] = m->y[i] + tau * (m->y[i + 3] - m->y[i]);
         frozen->w[i] = frozen->w[i + 3] = m->w[i] + tau * (m->w[i + 3] - m->w[i]);
-#ifdef LENS
+#if LENS()
         frozen->circle[i] = frozen->circle[i + 3] = 0.0;
 #endif
     }
@@ -77,13 +78,13 @@ static Places centres_from(const Tile *tile, int pixel)
     Places places = {.y = tile->y + pixel / TILE + 0.5f};
     Floats column = (float)(tile->x + pixel % TILE) + DOUBLE_INDEX(Floats);
     places.x = to_doubles(column + 0.5f);
-#ifdef LENS
+#if LENS()
     places.u = places.v = 0.0;
 #endif
     return places;
 }
 
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
 // Eight pixels at whose centres enough of the path, frozen at `tau`, is there.
 static INLINED DoubleMask there_enough(const Tile *tile, Path path, const Resting *r, double tau,
                                      Places places)
@@ -119,7 +120,7 @@ static void see_frozen(Tile *tile, Path path, const MovingTriangle *moving, Rest
             int pixel = y * TILE + x;
             Places places = centres_from(tile, pixel);
             DoubleMask mask = columns_between(x, box.x_low, box.x_high - 1);
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
             mask &= there_enough(tile, path, r, tau, places);
 #endif
             nearest_of_lanes(tile, r, pixel, &places, &mask);
@@ -129,22 +130,22 @@ static void see_frozen(Tile *tile, Path path, const MovingTriangle *moving, Rest
 static void see_path(Tile *tile, uint index)
 {
     Path path = tile->scene.paths[index];
-#ifdef MIRRORS
+#if MIRRORS()
     if (tile->scene.meshes[path.mesh].world != 0u) return; // the mirror is what is seen
 #endif
-#ifdef TRANSLUCENT
+#if STACKS()
     if (path.alpha >= 0.0f && path.alpha < ALPHA_THERE) return;
 #endif
     Resting r;
     load_resting(tile, index, &r);
     MovingTriangle moving = r.triangle;
     Box box = {tile->x_low, tile->x_high, tile->y_low, tile->y_high};
-#if defined(ROLLING_COLUMNS)
+#if ROLLING_COLUMNS()
     for (int x = tile->x_low; x < tile->x_high; x++) {
         box.x_low = x, box.x_high = x + 1;
         see_frozen(tile, path, &moving, &r, moment_at(tile, x, 0), box);
     }
-#elif defined(ROLLING)
+#elif ROLLING()
     for (int y = tile->y_low; y < tile->y_high; y++) {
         box.y_low = y, box.y_high = y + 1;
         see_frozen(tile, path, &moving, &r, moment_at(tile, 0, y), box);
@@ -191,7 +192,7 @@ static inline double2 corner_weights(const Seen *seen, int i)
     return seen->share[i] * (double2)(1.0 - seen->tau, seen->tau);
 }
 
-#ifdef AOV_NORMAL
+#if AOV_NORMAL()
 // Unit normal in the world, on the side of a two-sided surface that is seen.
 static INLINED double3 normal_of(const Tile *tile, const Seen *seen)
 {
@@ -214,7 +215,7 @@ static INLINED double3 normal_of(const Tile *tile, const Seen *seen)
 }
 #endif
 
-#ifdef AOV_UV
+#if AOV_UV()
 static double2 uv_of(const Tile *tile, const Seen *seen)
 {
     const Shaded *s = &seen->shaded;
@@ -229,7 +230,7 @@ static double2 uv_of(const Tile *tile, const Seen *seen)
 }
 #endif
 
-#if defined(AOV_FORWARD) || defined(AOV_BACKWARD)
+#if AOV_FORWARD() || AOV_BACKWARD()
 // From the pixel's centre to where `places`, of the vertices in another frame, take the point.
 static double2 flow_of(const Seen *seen, Place from, global const double *places)
 {
@@ -256,24 +257,24 @@ static inline void store_pair(Aovs aovs, int plane, size_t pixel, double2 value)
 static void store_seen(const Tile *tile, int x, int y, size_t out, Aovs aovs)
 {
     Seen seen = see_again(tile, x, y);
-#ifdef AOV_DEPTH
+#if AOV_DEPTH()
     store_float(aovs, PLANE_DEPTH, out, seen.depth);
 #endif
-#ifdef AOV_NORMAL
+#if AOV_NORMAL()
     double3 normal = normal_of(tile, &seen);
     store_pair(aovs, PLANE_NORMAL, out, normal.xy);
     store_float(aovs, PLANE_NORMAL_Z, out, normal.z);
 #endif
-#ifdef AOV_UV
+#if AOV_UV()
     store_pair(aovs, PLANE_UV, out, uv_of(tile, &seen));
 #endif
-#ifdef AOV_FORWARD
+#if AOV_FORWARD()
     store_pair(aovs, PLANE_FORWARD, out, flow_of(&seen, centre_of(tile, x, y), aovs.forward));
 #endif
-#ifdef AOV_BACKWARD
+#if AOV_BACKWARD()
     store_pair(aovs, PLANE_BACKWARD, out, flow_of(&seen, centre_of(tile, x, y), aovs.backward));
 #endif
-#ifdef AOV_MESH
+#if AOV_MESH()
     aovs.planes[PLANE_MESH * aovs.size + out] = seen.shaded.path.mesh + 1u;
 #endif
 }
@@ -282,7 +283,7 @@ static void store_seen(const Tile *tile, int x, int y, size_t out, Aovs aovs)
 static void store_nothing(size_t out, Aovs aovs)
 {
     for (int plane = 0; plane < PLANES; plane++) aovs.planes[plane * aovs.size + out] = 0u;
-#ifdef AOV_DEPTH
+#if AOV_DEPTH()
     store_float(aovs, PLANE_DEPTH, out, INFINITY);
 #endif
 }

@@ -3,6 +3,7 @@
 //
 // The edge functions are those of a moving triangle, constant in time, and so is what they say of a
 // sample that lies on one. Without a lens they are linear in the sample's place.
+#include "shared/effects.h"
 #include "analytic/edges.h"
 #include "analytic/walk.h"
 #include "shared/lanes.h"
@@ -18,7 +19,7 @@ typedef struct {
 // Where eight neighbours of a row lie.
 typedef struct {
     Doubles x, y;
-#ifdef LENS
+#if LENS()
     Doubles u, v;
 #endif
 } Places;
@@ -48,11 +49,11 @@ static void load_resting(const Tile *tile, uint path_index, Resting *r)
 static Places places_from(const Tile *tile, int sample)
 {
     Places places;
-#ifdef PLACED
+#if PLACED()
     for (int i = 0; i < DOUBLES; i++) {
         Place place = tile->places[sample + i];
         LANE(double, places.x, i) = place.x, LANE(double, places.y, i) = place.y;
-#ifdef LENS
+#if LENS()
         LANE(double, places.u, i) = place.u, LANE(double, places.v, i) = place.v;
 #endif
     }
@@ -68,7 +69,7 @@ static Places places_from(const Tile *tile, int sample)
 static inline Place place_of_lane(const Places *places, int i)
 {
     Place place = {LANE(double, places->x, i), LANE(double, places->y, i), 0.0f, 0.0f};
-#ifdef LENS
+#if LENS()
     place.u = LANE(double, places->u, i), place.v = LANE(double, places->v, i);
 #endif
     return place;
@@ -77,7 +78,7 @@ static inline Place place_of_lane(const Places *places, int i)
 // Values of the three edge functions.
 static inline void edges_at(const Resting *r, const Places *places, Doubles *e)
 {
-#ifdef LENS
+#if LENS()
     const MovingTriangle *m = &r->triangle;
     Doubles x[3], y[3]; // the same operations as shifted_x and shifted_y
     for (int i = 0; i < 3; i++) {
@@ -163,7 +164,7 @@ static void nearest_in_row(Tile *tile, const Resting *r, int row, int first, int
         Doubles before = doubles_load(tile->static_depth + sample);
         DoubleMask mask = columns_between(column, first, last) & (before >= near);
         if (!any_double(mask)) continue;
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
         for (int i = 0; i < DOUBLES; i++) tile->tested[sample + i] -= LANE(long, mask, i);
 #endif
         Places places = places_from(tile, sample);

@@ -3,9 +3,10 @@
 //
 // Intervals come front to back; each sees what none before it has taken, of the bits of a mask or,
 // without MASK_BITS, of the shutter itself. Every run that is left is a span.
+#include "shared/effects.h"
 #include "analytic/line_window.h"
 
-#ifdef MASK_BITS
+#if BIT_MASK()
 
 #include "analytic/runs.h"
 
@@ -52,7 +53,7 @@ static inline bool all_taken(const uint *taken)
     return all == ~0u;
 }
 
-#ifdef PARTIAL_BITS
+#if PARTIAL_BITS()
 
 // Owners are indices into `sorted`.
 static inline Owned owned_by(const Tile *tile, int sample, int owner)

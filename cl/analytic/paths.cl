@@ -1,5 +1,6 @@
 // Stage "paths": the shape of every motion path: planes that bound it on screen, when it faces the
 // viewer, and which of its moving edges cross on screen (Hong & Oh 2017, 4.2).
+#include "shared/effects.h"
 #include "shared/records.h"
 #include "shared/bernstein.h"
 #include "shared/shear.h"
@@ -156,7 +157,7 @@ static bool is_nothing(const double3 *q, const Depth *depth)
 }
 
 static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided,
-#ifdef GLOSSY
+#if GLOSSY()
                           const Shear *shear,
 #endif
                           Shape *shape, Depth *depth)
@@ -164,26 +165,26 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     double3 q[6]; // three vertices at the start, three at the end
     uint corner[3] = {path.a, path.b, path.c};
     double blur = 0.0, deep = 0.0; // on screen, in pixels, and in depth
-#ifdef LENS
+#if LENS()
     bool blurred = false;
 #endif
     for (int i = 0; i < 6; i++) {
         global const Vertex *v = vertices + corner[i % 3] + (i < 3 ? 0u : path.step);
         q[i] = (double3)(v->x, v->y, v->w);
-#ifdef LENS
+#if LENS()
         // Next to the eye's plane any circle between the vertices' is as great as you like.
         blurred |= v->circle != 0.0;
         blur = fmax(blur, v->w > 0.0 ? fabs(v->circle) / v->w : INFINITY);
 #endif
     }
-#ifdef LENS
+#if LENS()
     blur = blurred ? blur : 0.0;
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     double spread = 0.0;
     for (int i = 0; i < 6 && shear->any; i++) {
         double2 reach = shear_reach(shear, i / 3, q[i].x, q[i].y, q[i].z);
-#ifdef LENS
+#if LENS()
         global const Vertex *v = vertices + corner[i % 3] + (i < 3 ? 0u : path.step);
         reach.y += fabs(v->circle) / fmax(q[i].z - reach.x, 1e-300);
 #endif
@@ -211,7 +212,7 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     if (is_nothing(q, depth)) shape->flags |= SHAPE_CULLED;
     if (shape->flags & SHAPE_BEHIND) exact_facing(q, depth->d);
     facing_over_time(depth->d, shape);
-#ifndef LENS // through the points of a lens a path faces the eye at other times
+#if !LENS() // through the points of a lens a path faces the eye at other times
     single_sided &= deep == 0.0; // and so does what is sheared
     if (single_sided && shape->facing[0] < 0.0f && shape->facing[1] > 1.0f)
         shape->flags |= SHAPE_CULLED;
@@ -232,7 +233,7 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
 
 kernel void paths(global const Vertex *vertices, global const Path *paths, uint count,
                   global const Mesh *meshes, global const Material *materials,
-#ifdef GLOSSY
+#if GLOSSY()
                   global const Camera *cameras,
 #endif
                   global Shape *shapes, global Depth *depths)
@@ -243,14 +244,14 @@ kernel void paths(global const Vertex *vertices, global const Path *paths, uint 
         uint flags = materials[meshes[path.mesh].material].flags;
         Shape shape = {.flags = 0u};
         Depth depth;
-#ifdef GLOSSY
+#if GLOSSY()
         Shear shear = load_shear(cameras, meshes + path.mesh, path);
         shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shear, &shape, &depth);
 #else
         shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shape, &depth);
 #endif
         shapes[i] = shape;
-#ifdef EXACT
+#if EXACT()
         depth.near = shape.near, depth.far = shape.far;
         depth.open = path.open, depth.length = path_length(path);
         depths[i] = depth;

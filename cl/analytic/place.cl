@@ -9,6 +9,7 @@
 // lens from the same sequence, in Morton's order of its samples (Ahmed & Wonka 2020). The square of
 // the lens is mapped to a disc (Shirley & Chiu 1997) or to a polygon of blades. The disc of glossy
 // mirrors is drawn as the lens is; where there are both, in an order of its own.
+#include "shared/effects.h"
 #include "analytic/tile_of_rows.h"
 #include "shared/lens.h"
 #include "shared/sobol.h"
@@ -56,7 +57,7 @@ static float2 net_point(const Tile *tile, uint l, uint seed)
     return (float2)(across, (l + within) * (1.0f / tile->scene.numbers.samples));
 }
 
-#if defined(LENS) || defined(GLOSSY)
+#if LENS() || GLOSSY()
 // Point `index` of the sequence in the unit square of the two dimensions after those of the pixel.
 static float2 square_point(const Tile *tile, uint index, uint seed)
 {
@@ -65,22 +66,22 @@ static float2 square_point(const Tile *tile, uint index, uint seed)
 }
 #endif
 
-#ifdef GLOSSY
+#if GLOSSY()
 static float2 shear_point(const Tile *tile, uint l, uint seed)
 {
-#ifdef LENS
+#if LENS()
     seed = mix_bits(seed + 0x7f4a7c15u);
 #endif
     return square_to_disc(square_point(tile, index_of_row(tile, l, seed), seed));
 }
 #endif
 
-#ifdef LENS
+#if LENS()
 
 static float2 lens_point(const Tile *tile, uint l, uint seed)
 {
     float2 square = square_point(tile, index_of_row(tile, l, seed), seed);
-#ifdef BLADES
+#if BLADES()
     return square_to_polygon(square, &tile->scene.numbers);
 #else
     return square_to_disc(square);
@@ -93,7 +94,7 @@ static float2 lens_point(const Tile *tile, uint l, uint seed)
 // inverse of its cumulative weight. The box filter needs none.
 static inline float warp_to_filter(const Tile *tile, float u)
 {
-#ifdef FILTER_TABLE
+#if FILTER_TABLE()
     const int places = tile->scene.numbers.filter_places;
     float scaled = u * places;
     int i = min((int)scaled, places - 1);
@@ -106,7 +107,7 @@ static inline float warp_to_filter(const Tile *tile, float u)
 // Where sample l of the pixel lies, relative to the pixel's corner.
 static inline float2 place_in_pixel(const Tile *tile, uint l, uint seed)
 {
-#ifdef SCATTERED
+#if SCATTERED()
     float2 at = net_point(tile, l, seed);
     return (float2)(warp_to_filter(tile, at.x), warp_to_filter(tile, at.y));
 #else
@@ -115,7 +116,7 @@ static inline float2 place_in_pixel(const Tile *tile, uint l, uint seed)
 #endif
 }
 
-#ifdef WEIGHTED
+#if WEIGHTED()
 // A filter with negative lobes is sampled by its absolute value; where it is negative samples weigh
 // less than nothing.
 static inline float filter_sign(const Tile *tile, float2 at)
@@ -132,7 +133,7 @@ static void place(Tile *tile, int rows)
     for (int pixel = 0; pixel < TILE * TILE; pixel++) {
         int x = tile->x + pixel % TILE, y = tile->y + pixel / TILE;
         uint seed = mix_bits((uint)x ^ mix_bits((uint)y ^ mix_bits(tile->scene.numbers.seed)));
-#ifdef WEIGHTED
+#if WEIGHTED()
         const uint samples = tile->scene.numbers.samples;
         float lacking = 1.0f;
         for (uint l = 0; l < samples; l++)
@@ -142,15 +143,15 @@ static void place(Tile *tile, int rows)
             uint l = (uint)(tile->layer + sample / (TILE * TILE));
             float2 at = place_in_pixel(tile, l, seed);
             Place p = {(float)x + at.x, (float)y + at.y, 0.0f, 0.0f};
-#ifdef LENS
+#if LENS()
             float2 lens = lens_point(tile, l, seed);
             p.u = lens.x, p.v = lens.y;
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
             float2 shear = shear_point(tile, l, seed);
             p.a = shear.x, p.b = shear.y;
 #endif
-#ifdef WEIGHTED
+#if WEIGHTED()
             tile->weights[sample] = filter_sign(tile, at) + lacking;
 #endif
             tile->places[sample] = p;

@@ -11,6 +11,7 @@
 #ifndef MB_QUADRATURE_H
 #define MB_QUADRATURE_H
 
+#include "shared/effects.h"
 #include "analytic/line_window.h"
 #include "shared/lanes.h"
 #include "shared/colors.h"
@@ -20,7 +21,7 @@ typedef struct {
     int first, count, n;
 } Instants;
 
-#ifdef SHADING_ERROR
+#if SHADING_ERROR()
 #define PLACES 15
 #define MOST_PLACES (PLACES << 6)
 #define SPACING 1.0f // texels between places that a rule is judged by
@@ -29,10 +30,10 @@ typedef struct {
 // The first places of a span: one where it has no length.
 static inline Instants first_places(const Tile *tile, Span span)
 {
-#ifdef AOV_SHARP
+#if AOV_SHARP()
     if (span.t0 == span.t1) return (Instants){0, 1, 1};
 #endif
-#ifdef SHADING_ERROR
+#if SHADING_ERROR()
     return (Instants){0, PLACES, PLACES};
 #else
     int times = tile->scene.numbers.shading_times;
@@ -51,7 +52,7 @@ static INLINED Lanes times_of(Span span, Instants p)
 static inline bool next_places(Instants *p)
 {
     p->first += p->count;
-#ifdef SHADING_ERROR
+#if SHADING_ERROR()
     while (p->n > PLACES && p->first % (2 * PLACES) == 0) p->first /= 2, p->n /= 2;
 #else
     p->count = min(LANES, p->n - p->first);
@@ -63,7 +64,7 @@ static inline bool next_places(Instants *p)
 // the part's length, of a span of length 1.
 static INLINED Lanes part_light(const Tile *tile, float2 window, Span span, Instants p)
 {
-#ifdef SHUTTER_CURVE
+#if SHUTTER_CURVE()
     if (span.t0 == span.t1) return LANE_INDEX < 1.0f ? (Lanes)(1.0f) : (Lanes)(0.0f);
     float light[LANES], step = (span.t1 - span.t0) / p.n;
     float before = light_until(&tile->scene, window, span.t0 + step * p.first);
@@ -79,7 +80,7 @@ static INLINED Lanes part_light(const Tile *tile, float2 window, Span span, Inst
 #endif
 }
 
-#ifdef SHADING_ERROR
+#if SHADING_ERROR()
 
 static inline bool can_refine(Instants p) { return p.n > 1 && p.n < MOST_PLACES; }
 
@@ -93,7 +94,7 @@ static inline bool is_smooth(const Tile *tile, const Colors *c, Instants p)
 {
     if (!can_refine(p)) return true;
     Lanes most = lanes_max(lanes_max(bends(c->x), bends(c->y)), bends(c->z));
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     most = lanes_max(most, bends(c->alpha));
 #endif
     most = LANE_INDEX < PLACES - 2.0f ? most : (Lanes)(0.0f);

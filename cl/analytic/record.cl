@@ -6,13 +6,14 @@
 // host's sorting makes it the same each time. Where colour changes along a span, and it passes from
 // one of the `event_steps` parts of its line's exposure to the next, an event for each part of it,
 // with an average of its own, follows that of the whole.
+#include "shared/effects.h"
 #include "shared/film.h"
 #include "analytic/line_window.h"
 
 // Time `t` of the shutter in the exposure of a line that is open in `window`.
 static inline float line_time(float2 window, float t)
 {
-#ifdef ROLLING
+#if ROLLING()
     return clamp((t - window.x) / (window.y - window.x), 0.0f, 1.0f);
 #else
     return t;
@@ -23,10 +24,10 @@ static inline float line_time(float2 window, float t)
 static bool changes_in_time(const Tile *tile, global const Span *spans, uint size)
 {
     bool found = false;
-#ifdef VARYING
+#if VARYING()
     for (uint i = 0; i < size && !found; i++) {
         uint path = span_path(tile, spans[i]);
-#ifdef STILL
+#if STILL()
         if (path < tile->scene.numbers.static_paths) continue;
 #endif
         Shaded s = load_shaded(&tile->scene, path);
@@ -39,7 +40,7 @@ static bool changes_in_time(const Tile *tile, global const Span *spans, uint siz
 // End of the part of a stack that begins at t.
 static float part_end(const Tile *tile, float2 window, bool changes, float t, float end)
 {
-#if defined(EVENT_STEPS) && defined(VARYING)
+#if EVENT_STEPS() && VARYING()
     if (!changes) return end;
     const int steps = tile->scene.numbers.event_steps;
     float length = window.y - window.x;
@@ -55,7 +56,7 @@ static float part_end(const Tile *tile, float2 window, bool changes, float t, fl
 // Spans of the first stack among `count`.
 static inline uint layers_at_once(global const Span *spans, uint count)
 {
-#ifdef TRANSLUCENT
+#if STACKS()
     return stack_size(spans, count);
 #else
     return 1u;
@@ -102,9 +103,9 @@ static global Event *reserve_events(Tile *tile, uint count)
 static float4 add_stack(const Tile *tile, int sample, global const Span *spans, uint size,
                         float2 times, Place place, float2 window)
 {
-#ifdef TRANSLUCENT
+#if STACKS()
     return blend_stack(tile, sample, spans, size, times, place, window).color;
-#elif defined(RECORDED_COLOR)
+#elif RECORDED_COLOR()
     Span span = spans[0];
     span.t0 = times.x, span.t1 = times.y;
     return (float4)(span_color(tile, sample, span, place, window), 1.0f);
@@ -115,7 +116,7 @@ static float4 add_stack(const Tile *tile, int sample, global const Span *spans, 
 
 static inline float4 added_by(const Tile *tile, uint layer, float4 whole)
 {
-#ifdef TRANSLUCENT
+#if STACKS()
     return vload4(layer, tile->ordering);
 #else
     return whole;
@@ -125,7 +126,7 @@ static inline float4 added_by(const Tile *tile, uint layer, float4 whole)
 // The layer that an event of layer k names: of what is seen in a mirror that is the mirror.
 static inline uint shown_layer(const Tile *tile, global const Span *spans, uint k)
 {
-#ifdef MIRRORS
+#if MIRRORS()
     return mirror_among(tile, spans, k);
 #else
     return k;
@@ -148,7 +149,7 @@ static void write_stack(const Tile *tile, int sample, Event event, global const 
     for (uint k = 0; k < size; k++) {
         Span shown = spans[shown_layer(tile, spans, k)];
         event.path = span_path(tile, shown);
-#ifdef RECORDED_COLOR
+#if RECORDED_COLOR()
         event.z0 = span_depth(tile, shown, place, times.x);
         event.z1 = span_depth(tile, shown, place, times.y);
 #endif
@@ -157,7 +158,7 @@ static void write_stack(const Tile *tile, int sample, Event event, global const 
     }
 }
 
-#if defined(MOVING) || defined(SHADOWS)
+#if MOVING() || SHADOWS()
 
 static void record_spans(Tile *tile, int sample, Event event)
 {
@@ -182,7 +183,7 @@ static void record_spans(Tile *tile, int sample, Event event)
     }
 }
 
-#elif defined(STATIC)
+#elif STATIC()
 
 static void record_spans(Tile *tile, int sample, Event event)
 {

@@ -1,4 +1,5 @@
 // Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and counts.
+#include "shared/effects.h"
 #include "shared/film.h"
 #include "analytic/tile_of_rows.h"
 
@@ -7,10 +8,10 @@ static inline float4 resolved(const Tile *tile, float4 sum, size_t place, Frame 
                               global const float *background)
 {
     sum *= 1.0f / tile->scene.numbers.samples;
-#ifndef WEIGHTED
+#if !WEIGHTED()
     sum.w = fmin(sum.w, 1.0f); // thousands of spans add up to 1, but for rounding
 #endif
-#ifdef FIVE_POINT // the background comes last
+#if FIVE_POINT() // the background comes last
     return sum;
 #else
     return over_background(sum, place, frame, background);
@@ -28,10 +29,10 @@ static void resolve(const Tile *tile, Frame frame, global const float *backgroun
             depth[out] = sum.w > 0.0f ? tile->depth[pixel] / sum.w : INFINITY;
             rgba[out] = resolved(tile, sum, out, frame, background);
             met[out] = tile->count[pixel];
-#ifdef AOV_SHARP
+#if AOV_SHARP()
             aovs.sharp[out] = resolved(tile, tile->sharp[pixel], out, frame, background);
 #endif
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
             aovs.planes[PLANE_OPERATIONS * aovs.size + out] = tile->operations[pixel];
 #endif
         }

@@ -7,6 +7,7 @@
 #ifndef MB_RUNS_H
 #define MB_RUNS_H
 
+#include "shared/effects.h"
 #include "analytic/line_window.h"
 
 #define FREE (-1)
@@ -36,7 +37,7 @@ static bool append_light(Tile *tile, float2 window, float low, float high, float
     return append_span(tile, span);
 }
 
-#if defined(EXACT) || defined(PARTIAL_BITS)
+#if EXACT() || PARTIAL_BITS()
 
 // The interval that owns a bit: its times, and the source of its spans. Each stage that has a mask
 // says what its owners stand for.
@@ -68,7 +69,7 @@ static inline Lit lit_by(const Tile *tile, int sample, int owner)
 // Share of light at which run `left` ends and run `right` begins, before bit `bit`.
 static inline float run_border(int bit, Lit left, Lit right)
 {
-#ifdef PARTIAL_BITS
+#if PARTIAL_BITS()
     if (left.owner != FREE && first_bit(left.end) == bit) return left.end;
     if (right.owner != FREE && first_bit(right.start) == bit) return right.start;
 #endif

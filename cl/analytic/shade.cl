@@ -2,31 +2,24 @@
 // into its pixel.
 //
 // Colour is averaged over places along the visible part, as many as quadrature.h says.
+#include "shared/effects.h"
 #include "analytic/line_window.h"
-#ifdef EXACT
+#if EXACT()
 #include "analytic/varying_exact.h"
 #else
 #include "analytic/varying_surface.h"
 #endif
 #include "analytic/surface_color.h"
-#ifdef SHADOWS
+#if SHADOWS()
 #include "analytic/shadow.h"
 #endif
-#ifdef SKY
+#if SKY()
 #include "analytic/sky_over_time.h"
 #endif
 
-#if defined(LIT) || defined(TEXTURED) || defined(VERTEX_COLOR)
-#define VARYING
-#endif
-
-#if defined(STATIC) && !defined(SHADOWS) && !defined(REFLECTIONS)
-#define STILL // what does not move has one colour whenever it is seen
-#endif
-
-#ifdef VARYING
+#if VARYING()
 #include "analytic/quadrature.h"
-#ifdef STILL
+#if STILL()
 #include "analytic/still.h"
 #endif
 
@@ -34,7 +27,7 @@
 // (Hong & Oh 2017, 4.4). A test of alpha is made of the texture itself.
 static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Span span, int n)
 {
-#if defined(TEXTURED) && !defined(SHADING_ERROR)
+#if TEXTURED() && !SHADING_ERROR()
     if (s->material.texture == NONE || (s->material.flags & MATERIAL_MASK)) return 0.0f;
     Texture texture = tile->scene.textures[s->material.texture];
     Lanes ends = LANE_INDEX < 1.0f ? (Lanes)(span.t0) : (Lanes)(span.t1);
@@ -47,7 +40,7 @@ static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Spa
 #endif
 }
 
-#ifdef ANISOTROPY
+#if ANISOTROPY()
 // The footprint of all places of the span: that in its middle.
 static void load_span_footprint(const Tile *tile, const Shaded *s, const Varying *v, Span span,
                                 Attributes *a)
@@ -61,11 +54,11 @@ static void load_span_footprint(const Tile *tile, const Shaded *s, const Varying
 }
 #endif
 
-#ifdef SHADING_ERROR
+#if SHADING_ERROR()
 // Size of the texels that are looked up, in those of the texture.
 static inline float finest_texel(const Tile *tile, Texture texture, const Attributes *a)
 {
-#ifdef ANISOTROPY
+#if ANISOTROPY()
     const Footprint *f = &a->footprint;
     return shorter_side(texture, (float2)(first_lane(f->u_right), first_lane(f->v_right)),
                         (float2)(first_lane(f->u_down), first_lane(f->v_down)),
@@ -75,7 +68,7 @@ static inline float finest_texel(const Tile *tile, Texture texture, const Attrib
 #endif
 }
 
-#if defined(LIGHT_AROUND) && defined(METALLIC)
+#if LIGHT_AROUND() && METALLIC()
 // Whether the directions that are mirrored at times t are no further apart than texels of the cube
 // map are.
 static INLINED bool mirrors_closely(const Tile *tile, const Shaded *s, const Attributes *a, Lanes t)
@@ -99,7 +92,7 @@ static INLINED bool close_enough(const Tile *tile, const Shaded *s, const Attrib
                                  Instants places, float *level)
 {
     bool close = true;
-#ifdef TEXTURED
+#if TEXTURED()
     const Material *m = &s->material;
     uint index = m->texture != NONE ? m->texture
                  : m->gloss_texture != NONE ? m->gloss_texture : m->emission_texture;
@@ -113,12 +106,12 @@ static INLINED bool close_enough(const Tile *tile, const Shaded *s, const Attrib
             *level = fmax(*level, log2(fmax(texels, 1.0f)));
     }
 #endif
-#ifdef LIT
+#if LIT()
     if (s->material.flags & MATERIAL_LIT) {
         Lanes3 n = lanes_unit(a->normal);
         Lanes3 turn = {lanes_steps(n.x), lanes_steps(n.y), lanes_steps(n.z)};
         close &= lanes_greatest_number(lanes_dot(turn, turn)) <= s->material.turn;
-#if defined(LIGHT_AROUND) && defined(METALLIC)
+#if LIGHT_AROUND() && METALLIC()
         close &= mirrors_closely(tile, s, a, t);
 #endif
     }
@@ -134,24 +127,24 @@ static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Sp
 {
     Sight sight = {times_of(span, places), 1.0f, 0.0f, 0.0f}; // depth is for what lies near
     Attributes a = attributes_at(s, v, &sight.t);
-#ifdef ANISOTROPY
+#if ANISOTROPY()
     if (has_footprint(s)) load_span_footprint(tile, s, v, span, &a);
 #endif
-#ifdef SHADING_ERROR
+#if SHADING_ERROR()
     if (!close_enough(tile, s, &a, sight.t, places, &level) && can_refine(places)) return false;
 #endif
-#if defined(LIT) && (defined(POINT_LIGHTS) || defined(LENS) || defined(GLOSSY))
+#if LIT() && (POINT_LIGHTS() || LENS() || GLOSSY())
     sight.w = varying_depth(v, sight.t);
 #endif
-#if defined(LIT) && defined(LENS)
+#if LIT() && LENS()
     // A point is seen through the middle of the lens where its circle of confusion is not.
     sight.w = lanes_min(lanes_max(sight.w, (Lanes)(1e-30f)), (Lanes)(1e30f));
     sight.across = -s->place.u * a.circle / sight.w, sight.down = -s->place.v * a.circle / sight.w;
 #endif
-#if defined(LIT) && defined(GLOSSY)
+#if LIT() && GLOSSY()
     undo_shear(s, &a, s->place.a, s->place.b, s->place.x, s->place.y, &sight);
 #endif
-#ifdef SHADOWS
+#if SHADOWS()
     light_along(tile, s->window, span, places, a.lit);
 #endif
     *colors = surface_color(tile, s, &a, level, places.count, &sight);
@@ -162,7 +155,7 @@ static INLINED float4 weighted_sum(const Colors *colors, Lanes light)
 {
     return (float4)(lanes_sum(light * colors->x), lanes_sum(light * colors->y),
                     lanes_sum(light * colors->z),
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
                     lanes_sum(light * colors->alpha));
 #else
                     0.0f);
@@ -174,7 +167,7 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 {
     Varying v = prepare_varying(tile, s, span);
     Instants places = first_places(tile, span);
-#ifdef SHADOWS
+#if SHADOWS()
     if (s->path.step == 0 && s->mesh.map == 0u) places = (Instants){0, 1, 1}; // but for its light
 #endif
     float level = span_level(tile, s, &v, span, places.n);
@@ -199,8 +192,8 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 static float3 span_color(const Tile *tile, int sample, Span span, Place place, float2 window)
 {
     uint path = span_path(tile, span);
-#ifdef VARYING
-#ifdef STILL
+#if VARYING()
+#if STILL()
     if (path < tile->scene.numbers.static_paths) return tile->still[sample].xyz;
 #endif
     Shaded s = load_shaded(&tile->scene, path);
@@ -213,7 +206,7 @@ static float3 span_color(const Tile *tile, int sample, Span span, Place place, f
     return load3(tile->scene.paths[path].color);
 }
 
-#ifdef TRANSLUCENT
+#if STACKS()
 #include "analytic/blend.h"
 #endif
 
@@ -222,7 +215,7 @@ static float3 span_color(const Tile *tile, int sample, Span span, Place place, f
 static inline void fetch_path(const Tile *tile, uint path)
 {
     fetch(tile->scene.paths + path);
-#ifdef EXACT
+#if EXACT()
     global const char *depth = (global const char *)(tile->depths + path);
     for (int i = 0; i < (int)sizeof(Depth); i += 64) fetch(depth + i);
 #endif
@@ -235,14 +228,14 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
     float2 window = window_of(tile, sample);
     float4 color = 0.0f;
     float depth = 0.0f;
-#ifdef TRANSLUCENT
+#if STACKS()
     for (uint i = 0, size; i < count; i += size) {
         size = stack_size(spans + i, count - i);
         for (uint k = i + size; k < min(i + 2 * size, count); k++)
             fetch_path(tile, span_path(tile, spans[k]));
         Blended stack = blend_stack(tile, sample, spans + i, size,
                                     (float2)(spans[i].t0, spans[i].t1), place, window);
-#ifdef SKY
+#if SKY()
         stack.color += sky_through(tile, sample, (float2)(spans[i].t0, spans[i].t1),
                                    1.0f - stack.color.w);
 #endif
@@ -256,14 +249,14 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
         depth += span.weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
     }
 #endif
-#ifdef SKY
+#if SKY()
     color += sky_behind(tile, sample, spans, count);
 #endif
     tile->color[pixel] += weight_of(tile, sample) * color;
     tile->depth[pixel] += weight_of(tile, sample) * depth;
 }
 
-#ifdef AOV_SHARP
+#if AOV_SHARP()
 // Add what of the spans is seen at the moment: a span without length.
 static void add_moment(Tile *tile, int sample, int pixel, global const Span *spans, uint count)
 {
@@ -273,10 +266,10 @@ static void add_moment(Tile *tile, int sample, int pixel, global const Span *spa
     for (uint i = 0; i < count; i++) {
         Span span = spans[i];
         if (!(span.t0 <= t && t < span.t1)) continue;
-#ifdef TRANSLUCENT
+#if STACKS()
         Blended stack = blend_stack(tile, sample, spans + i, stack_size(spans + i, count - i),
                                     (float2)(t), place, window);
-#ifdef SKY
+#if SKY()
         stack.color += sky_through(tile, sample, (float2)(t), 1.0f - stack.color.w);
 #endif
         tile->sharp[pixel] += weight_of(tile, sample) * stack.color;
@@ -287,20 +280,20 @@ static void add_moment(Tile *tile, int sample, int pixel, global const Span *spa
         tile->sharp[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
         return;
     }
-#ifdef SKY
+#if SKY()
     tile->sharp[pixel] += weight_of(tile, sample) * sky_through(tile, sample, (float2)(t), 1.0f);
 #endif
 }
 #endif
 
-#if !defined(MOVING) && !defined(SHADOWS)
+#if !MOVING() && !SHADOWS()
 // Add what a sample sees that sees no surface.
 static void add_open(Tile *tile, int sample, int pixel)
 {
-#ifdef SKY
+#if SKY()
     float4 light = sky_behind(tile, sample, 0, 0u);
     tile->color[pixel] += weight_of(tile, sample) * light;
-#ifdef AOV_SHARP
+#if AOV_SHARP()
     light = sky_through(tile, sample, (float2)(moment_in(tile, window_of(tile, sample))), 1.0f);
     tile->sharp[pixel] += weight_of(tile, sample) * light;
 #endif
@@ -312,17 +305,17 @@ static void add_open(Tile *tile, int sample, int pixel)
 static void shade_sample(Tile *tile, int row, int column)
 {
     int sample = row * TILE + column, pixel = row % TILE * TILE + column;
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
     tile->operations[pixel] += tile->tested[sample];
 #endif
-#if defined(MOVING) || defined(SHADOWS)
+#if MOVING() || SHADOWS()
     Run run = tile->span_runs[sample];
     add_spans(tile, sample, pixel, tile->spans + run.start, run.count);
-#ifdef AOV_SHARP
+#if AOV_SHARP()
     add_moment(tile, sample, pixel, tile->spans + run.start, run.count);
 #endif
     tile->count[pixel] += tile->met[sample];
-#elif defined(STATIC) // an empty scene has neither
+#elif STATIC() // an empty scene has neither
     if (!(tile->static_depth[sample] < INFINITY)) {
         add_open(tile, sample, pixel);
         return;
@@ -332,7 +325,7 @@ static void shade_sample(Tile *tile, int row, int column)
     float3 color = span_color(tile, sample, always, place, window_of(tile, sample));
     tile->color[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
     tile->depth[pixel] += weight_of(tile, sample) * (float)tile->static_depth[sample];
-#ifdef AOV_SHARP
+#if AOV_SHARP()
     tile->sharp[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
 #endif
     tile->count[pixel]++;
@@ -344,7 +337,7 @@ static void shade_sample(Tile *tile, int row, int column)
 // Add every span of the piece to its pixel, sample by sample. Always true.
 static bool shade(Tile *tile)
 {
-#if defined(VARYING) && defined(STILL)
+#if VARYING() && STILL()
     shade_all_still(tile);
 #endif
     for (int row = tile->row_low; row < tile->row_high; row++) {

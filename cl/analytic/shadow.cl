@@ -5,6 +5,7 @@
 // shade it, and each is solved for when it does (shadow_times.h) and dims the light by its alpha
 // (shadow_steps.h). Nothing is tested where no light is reflected: unlit materials, and flat faces
 // that turn their other side to the light.
+#include "shared/effects.h"
 #include "analytic/shadow.h"
 #include "analytic/shadow_steps.h"
 #include "analytic/shadow_times.h"
@@ -204,12 +205,12 @@ NOT_INLINED static bool shadow_span(Tile *tile, Place place, global Span *span)
         whole = receiver_of(tile, s.path, place);
         whole = restrict_receiver(&whole, span->t0, span->t1);
         if (flat) front = front_is_seen(tile, s.path, place, span->t0, span->t1);
-#ifdef MIRRORS
+#if MIRRORS()
         front ^= mesh.world != 0u; // its vertices run the other way where it is mirrored from
 #endif
     }
     span->steps = tile->shadows.step_count;
-    for (int k = 0; k < SHADOWS; k++) {
+    for (int k = 0; k < SHADOW_LIGHTS; k++) {
         if (tile->shadows.step_count + 2 > tile->capacity) return false;
         s.list.steps = tile->shadows.steps + tile->shadows.step_count, s.list.count = 1;
         s.list.room = tile->capacity - tile->shadows.step_count - 1;
@@ -223,7 +224,7 @@ NOT_INLINED static bool shadow_span(Tile *tile, Place place, global Span *span)
     return true;
 }
 
-#ifndef MOVING
+#if !MOVING()
 // Spans of what does not move: where there is nothing else no stage before this one makes them.
 static bool still_span(Tile *tile, int sample)
 {
@@ -242,14 +243,14 @@ static bool still_span(Tile *tile, int sample)
 static bool shadow(Tile *tile)
 {
     tile->shadows.step_count = 0;
-#ifndef MOVING
+#if !MOVING()
     tile->span_count = 0;
 #endif
     for (int row = tile->row_low; row < tile->row_high; row++) {
         if (!row_is_rendered(tile, row)) continue;
         for (int column = tile->x_low; column < tile->x_high; column++) {
             int sample = row * TILE + column;
-#ifndef MOVING
+#if !MOVING()
             if (!still_span(tile, sample)) return false;
 #endif
             Run run = tile->span_runs[sample];

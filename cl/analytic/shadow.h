@@ -28,7 +28,7 @@ static void light_along(const Tile *tile, float2 window, Span span, Instants pla
 {
     global const Step *steps = tile->shadows.steps + span.steps;
     float size = (span.t1 - span.t0) / places.n;
-    for (int light = 0; light < SHADOWS; light++) {
+    for (int light = 0; light < SHADOW_LIGHTS; light++) {
         float share[LANES];
         bool steady = steps[1].t == INFINITY;
         for (int i = 0; i < LANES; i++) {

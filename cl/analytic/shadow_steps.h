@@ -5,6 +5,7 @@
 #ifndef MB_SHADOW_STEPS_H
 #define MB_SHADOW_STEPS_H
 
+#include "shared/effects.h"
 #include "analytic/shadow_functions.h"
 #include "analytic/surface_color.h"
 
@@ -53,7 +54,7 @@ typedef struct {
     int lane;
 } Caster;
 
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
 
 #define MOST_PARTS 128 // of one stretch of time
 
@@ -95,7 +96,7 @@ static void caster_weights(const Caster *c, Path path, Parts parts, int first, L
 static int count_parts_of_light(const Tile *tile, const Shaded *s, const Lanes *weights)
 {
     float texels = 4.0f; // of colours that are linear
-#ifdef TEXTURED
+#if TEXTURED()
     if (s->material.texture != NONE) {
         Texture texture = tile->scene.textures[s->material.texture];
         Attributes a = blend_corners(s, weights);
@@ -151,12 +152,12 @@ static bool dim_by_alphas(const Tile *tile, Steps *list, const Caster *c, float 
 static bool dim_by_stretch(const Tile *tile, Steps *list, const Caster *c, float since, float until,
                            float end)
 {
-#ifdef TRANSLUCENT
+#if STACKS()
     float alpha = tile->scene.paths[c->path].alpha;
 #else
     float alpha = 1.0f;
 #endif
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     if (alpha < 0.0f)
         return !(since < until) || dim_by_alphas(tile, list, c, since, until, end);
 #endif

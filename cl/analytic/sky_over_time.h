@@ -9,6 +9,7 @@
 #ifndef MB_SKY_OVER_TIME_H
 #define MB_SKY_OVER_TIME_H
 
+#include "shared/effects.h"
 #include "analytic/line_window.h"
 #include "shared/gaze.h"
 
@@ -43,7 +44,7 @@ static int sky_parts(const Tile *tile, const Gaze *gaze, float t0, float t1)
 // Whether a span is the first of its stack: the others take the same light.
 static inline bool leads(global const Span *spans, uint i)
 {
-#ifdef TRANSLUCENT
+#if STACKS()
     return i == 0u || spans[i].t0 != spans[i - 1u].t0;
 #else
     return true;
@@ -67,7 +68,7 @@ static float light_left(const Tile *tile, float2 window, float t0, float t1,
 // Whether sixteen places tell their mean well enough.
 static inline bool sky_is_smooth(const Tile *tile, Lanes3 light)
 {
-#ifdef SHADING_ERROR
+#if SHADING_ERROR()
     Lanes most = fabs(lanes_steps(lanes_steps(light.x)));
     most = lanes_max(most, fabs(lanes_steps(lanes_steps(light.y))));
     most = lanes_max(most, fabs(lanes_steps(lanes_steps(light.z))));

@@ -7,6 +7,7 @@
 // that reach behind the eye) is solved sample by sample from the same coefficients.
 //
 // Paths come in order of least depth, so lists run from near to far.
+#include "shared/effects.h"
 #include "analytic/gather.h"
 #include "analytic/line_window.h"
 #include "shared/bernstein.h"
@@ -14,9 +15,9 @@
 // The path as its visits name it.
 static inline uint visited_path(const Gather *g)
 {
-#ifdef TRANSLUCENT
+#if STACKS()
     bool translucent = g->path.alpha < 1.0f;
-#ifdef MIRRORS
+#if MIRRORS()
     translucent |= g->mirrors || g->reflected;
 #endif
     return g->index | (translucent ? TRANSLUCENT_BIT : 0u);
@@ -28,7 +29,7 @@ static inline uint visited_path(const Gather *g)
 // Append what the path covers of the sample.
 static inline bool append_visit(Tile *tile, int sample, Visit visit)
 {
-#ifdef ROLLING
+#if ROLLING()
     float2 window = window_of(tile, sample);
     visit.t0 = fmax(visit.t0, window.x), visit.t1 = fmin(visit.t1, window.y);
 #endif
@@ -62,9 +63,9 @@ static void insert_change(Changes *c, double time, int function)
 // mirror.
 static inline bool faces_by_sample(const Gather *g)
 {
-#if defined(LENS)
+#if LENS()
     return true;
-#elif defined(GLOSSY)
+#elif GLOSSY()
     return g->shear.any;
 #else
     return false;
@@ -99,7 +100,7 @@ static bool solve_any(Tile *tile, const Gather *g, int sample, Place place)
 {
     Changes changes = {.count = 0};
     MovingTriangle m = g->triangle;
-#ifdef GLOSSY
+#if GLOSSY()
     if (g->shear.any) shear_triangle(&g->shear, g->height, place, &m);
 #endif
     bool behind = g->shape->flags & SHAPE_BEHIND;
@@ -163,7 +164,7 @@ static INLINED void store_covered(const Gather *g, Doubles low, Doubles high, Co
 {
     Doubles near = INFINITY, far = 0.0, before = low - g->slack, after = high + g->slack;
     for (int i = 0; i < 3; i++) {
-#ifdef GLOSSY
+#if GLOSSY()
         Doubles w = gathered_w(g, i), speed = gathered_w(g, i + 3) - w;
 #else
         double w = g->w[i], speed = g->speed[i];
@@ -231,7 +232,7 @@ static bool solve(Tile *tile)
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) {
         tile->heads[i] = -1;
         tile->met[i] = 0u;
-#ifdef STATIC
+#if STATIC()
         tile->met[i] += tile->static_depth[i] < INFINITY;
 #endif
     }

@@ -10,6 +10,7 @@
 // The paper's third and fourth tests compare one segment's ends with the other's line. For segments
 // that do not cross they say which is in front in the middle of their common time, and that is
 // what is compared: it holds where two pieces meet and rounding upsets the tests.
+#include "shared/effects.h"
 #include "analytic/tile_of_rows.h"
 
 // The arrays of one sample: Tile.sorting, where its segments are ranked.
@@ -186,7 +187,7 @@ static bool sort_sample(Tile *tile, Run *run)
     uint start = tile->sorted_count;
     int count = (int)run->count;
     rank_segments(r, list, count);
-#ifdef MAX_INTERVALS
+#if MAX_INTERVALS()
     if (count > tile->scene.numbers.most_intervals) {
         count = tile->scene.numbers.most_intervals;
         for (int k = count; k < count + LANES; k++) r.near[k] = INFINITY, r.t1[k] = -1.0f;

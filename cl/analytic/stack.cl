@@ -11,6 +11,7 @@
 //
 // Mirrors and what is seen in them are translucent here: mirror_walk.h says what of the list is
 // seen.
+#include "shared/effects.h"
 #include "analytic/envelope.cl"
 #include "analytic/mirror_walk.h"
 
@@ -156,7 +157,7 @@ static bool sweep(Tile *tile, Sweep *s, global const int *order, int count)
 // Whether `cover` hides something: it does not hide what is seen in a mirror.
 static inline bool may_be_covered(const Tile *tile, uint path)
 {
-#ifdef MIRRORS
+#if MIRRORS()
     return mesh_of(&tile->scene, path)->world == 0u;
 #else
     return true;
@@ -174,7 +175,7 @@ static int gather_translucent(Tile *tile, int sample, float2 window, const Cover
         uint path = visit.path & ~TRANSLUCENT_BIT;
         Front front = {visit.t0, visit.t1, visit.near, visit.far, path};
         if (may_be_covered(tile, path) && is_covered(cover, front)) {
-#ifndef MIRRORS
+#if !MIRRORS()
             if (ends_list(tile, cover, path, window)) break;
 #endif
             continue;

@@ -3,6 +3,7 @@
 #ifndef MB_STILL_H
 #define MB_STILL_H
 
+#include "shared/effects.h"
 #include "analytic/edges.h"
 #include "analytic/surface_color.h"
 
@@ -12,7 +13,7 @@ typedef struct {
     int count;
     int samples[LANES];
     float x[LANES], y[LANES], w[LANES];
-#ifdef LENS
+#if LENS()
     float u[LANES], v[LANES];
 #endif
 } Still;
@@ -24,7 +25,7 @@ static Attributes still_attributes(const Tile *tile, const Still *still, const S
     LaneDoubles x[3], y[3], e[3], sum = 0.0;
     for (int i = 0; i < 3; i++) {
         x[i] = m.x[i], y[i] = m.y[i];
-#ifdef LENS
+#if LENS()
         x[i] = fma(to_lane_doubles(lanes_load(still->u)), (LaneDoubles)(m.circle[i]), x[i]);
         y[i] = fma(to_lane_doubles(lanes_load(still->v)), (LaneDoubles)(m.circle[i]), y[i]);
 #endif
@@ -51,7 +52,7 @@ static void shade_still(Tile *tile, Still *still)
     if (still->count == 0) return;
     for (int i = still->count; i < LANES; i++) {
         still->x[i] = still->x[i - 1], still->y[i] = still->y[i - 1], still->w[i] = still->w[i - 1];
-#ifdef LENS
+#if LENS()
         still->u[i] = still->u[i - 1], still->v[i] = still->v[i - 1];
 #endif
     }
@@ -64,12 +65,12 @@ static void shade_still(Tile *tile, Still *still)
         Attributes a = still_attributes(tile, still, &s);
         Sight sight = {s.path.open, lanes_load(still->w), lanes_load(still->x),
                      lanes_load(still->y)};
-#ifdef LENS
+#if LENS()
         // A point is seen through the middle of the lens where its circle of confusion is not.
         sight.across -= lanes_load(still->u) * a.circle / sight.w;
         sight.down -= lanes_load(still->v) * a.circle / sight.w;
 #endif
-#ifdef ANISOTROPY
+#if ANISOTROPY()
         if (has_footprint(&s))
             load_footprint(&tile->scene, &s, 0.0f, lanes_load(still->x), lanes_load(still->y), &a);
 #endif
@@ -84,7 +85,7 @@ static void shade_still(Tile *tile, Still *still)
 static inline bool sees_still(const Tile *tile, int sample)
 {
     bool seen = tile->static_depth[sample] < INFINITY;
-#ifdef MOVING
+#if MOVING()
     Run run = tile->span_runs[sample];
     bool found = false;
     for (uint i = 0; seen && !found && i < run.count; i++)
@@ -110,7 +111,7 @@ static void shade_all_still(Tile *tile)
             still.path = path, still.samples[i] = sample;
             still.x[i] = place.x, still.y[i] = place.y;
             still.w[i] = (float)tile->static_depth[sample];
-#ifdef LENS
+#if LENS()
             still.u[i] = place.u, still.v[i] = place.v;
 #endif
         }

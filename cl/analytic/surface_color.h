@@ -2,6 +2,7 @@
 #ifndef MB_SURFACE_COLOR_H
 #define MB_SURFACE_COLOR_H
 
+#include "shared/effects.h"
 #include "analytic/tile_of_rows.h"
 #include "shared/attributes.h"
 
@@ -12,7 +13,7 @@ static inline bool varies_on_surface(const Shaded *s)
            || s->mesh.color != NONE;
 }
 
-#ifdef ANISOTROPY
+#if ANISOTROPY()
 // Whether its textures are averaged over footprints; a test of alpha is made of the texture itself.
 static inline bool has_footprint(const Shaded *s)
 {
@@ -26,7 +27,7 @@ static inline bool has_footprint(const Shaded *s)
 static void load_attributes(const Tile *tile, Shaded *s)
 {
     load_corners(&tile->scene, s);
-#ifdef LIT
+#if LIT()
     load_view(&tile->scene, s);
 #endif
 }
@@ -38,34 +39,34 @@ static Colors surface_color(const Tile *tile, const Shaded *s, Attributes *a, fl
 {
     const float *base = s->path.color;
     Lanes3 color = {base[0] * a->color.x, base[1] * a->color.y, base[2] * a->color.z};
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     Lanes alpha = vertex_alpha(a);
 #endif
-#ifdef TEXTURED
+#if TEXTURED()
     if (s->material.texture != NONE) {
         Colors texel = texel_colors(&tile->scene, s->material.texture, a, level, count);
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
         alpha *= texel.alpha;
         texel = unpremultiplied(texel);
 #endif
         color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
     }
 #endif
-#ifdef LIT
+#if LIT()
     if (s->material.flags & MATERIAL_LIT) {
         // Not in the eye.
         sight->w = lanes_min(lanes_max(sight->w, (Lanes)(1e-30f)), (Lanes)(1e30f));
-#ifdef METALLIC
+#if METALLIC()
         load_gloss(&tile->scene, s, a, level, count);
 #endif
         color = reflect_light(&tile->scene, s, a, color, sight, count);
-#ifdef EMISSION
+#if EMISSION()
         color = with_emission(&tile->scene, s, a, color, level, count);
 #endif
     }
 #endif
     Colors colors = {color.x, color.y, color.z};
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     colors.alpha = counted_alpha(s, alpha);
 #endif
     return colors;

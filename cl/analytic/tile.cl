@@ -11,36 +11,37 @@
 // lost when a pool is full: the piece of the tile at hand is done again in halves. Only when a
 // single row of samples does not fit is the tile given back to the host, which has larger pools, or
 // when there is no room for its events, which the host has emptied the pool for next time.
+#include "shared/effects.h"
 #include "analytic/tile_of_rows.h"
-#ifdef PLACED
+#if PLACED()
 #include "analytic/place.cl"
 #endif
-#if defined(STATIC) || defined(MOMENTARY)
+#if STATIC() || MOMENTARY()
 #include "analytic/nearest.cl"
 #endif
-#if defined(MOVING) && defined(EXACT)
+#if MOVING() && EXACT()
 #include "analytic/solve.cl"
-#if defined(MASK_BITS)
+#if BIT_MASK()
 #include "analytic/mask.cl"
-#elif defined(TRANSLUCENT)
+#elif STACKS()
 #include "analytic/stack.cl"
 #else
 #include "analytic/envelope.cl"
 #endif
-#elif defined(MOVING)
+#elif MOVING()
 #include "analytic/rasterize.cl"
 #include "analytic/intervals.cl"
 #include "analytic/sort.cl"
 #include "analytic/occlude.cl"
 #endif
-#ifdef SHADOWS
+#if SHADOWS()
 #include "analytic/shadow.cl"
 #endif
 #include "analytic/shade.cl"
-#ifdef RECORDED
+#if RECORDED()
 #include "analytic/record.cl"
 #endif
-#ifdef MOMENTARY
+#if MOMENTARY()
 #include "analytic/moment.cl"
 #endif
 #include "analytic/resolve.cl"
@@ -53,7 +54,7 @@ enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MAS
        SHADE, RECORD, MOMENT, RESOLVE, TESTS, HITS,
        COUNTERS };
 
-#ifdef CLANG_BUILTINS
+#if CLANG_BUILTINS()
 #define TICKS() __builtin_readcyclecounter()
 #else
 #define TICKS() 0ul
@@ -72,32 +73,32 @@ static inline bool clocked(bool done, int stage, global ulong *ticks, ulong *clo
 static bool render_piece(Tile *tile, Frame frame, global ulong *ticks)
 {
     ulong clock = TICKS();
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
     for (int i = tile->row_low * TILE; i < tile->row_high * TILE; i++) tile->tested[i] = 0u;
 #endif
-#ifdef STATIC
+#if STATIC()
     clocked(nearest(tile), NEAREST, ticks, &clock);
 #endif
-#if defined(MOVING) && defined(EXACT)
+#if MOVING() && EXACT()
     if (!clocked(solve(tile), SOLVE, ticks, &clock)) return false;
-#if defined(MASK_BITS)
+#if BIT_MASK()
     if (!clocked(mask(tile), MASK, ticks, &clock)) return false;
-#elif defined(TRANSLUCENT)
+#elif STACKS()
     if (!clocked(stack(tile), STACK, ticks, &clock)) return false;
 #else
     if (!clocked(envelope(tile), ENVELOPE, ticks, &clock)) return false;
 #endif
-#elif defined(MOVING)
+#elif MOVING()
     if (!clocked(rasterize(tile), RASTERIZE, ticks, &clock)) return false;
     if (!clocked(intervals(tile), INTERVALS, ticks, &clock)) return false;
     if (!clocked(sort(tile), SORT, ticks, &clock)) return false;
     if (!clocked(occlude(tile), OCCLUDE, ticks, &clock)) return false;
 #endif
-#ifdef SHADOWS
+#if SHADOWS()
     if (!clocked(shadow(tile), SHADOW, ticks, &clock)) return false;
 #endif
     clocked(shade(tile), SHADE, ticks, &clock);
-#ifdef RECORDED
+#if RECORDED()
     clocked(record(tile, frame), RECORD, ticks, &clock);
 #endif
     return true;
@@ -106,15 +107,15 @@ static bool render_piece(Tile *tile, Frame frame, global ulong *ticks)
 // Records of the fullest of the pools that grow with a piece.
 static inline uint fullest_pool(const Tile *tile)
 {
-#if defined(SHADOWS)
+#if SHADOWS()
     uint most = max(tile->span_count, tile->shadows.step_count);
-#ifdef MOVING
+#if MOVING()
     most = max(most, tile->visit_count);
 #endif
     return most;
-#elif !defined(MOVING)
+#elif !MOVING()
     return 0u;
-#elif defined(EXACT)
+#elif EXACT()
     return max(tile->visit_count, tile->span_count);
 #else
     return max(max(tile->fragment_count, tile->interval_count),
@@ -148,17 +149,17 @@ static bool render_tile(Tile *tile, Frame frame, global ulong *ticks)
         tile->color[i] = 0.0f;
         tile->depth[i] = 0.0f;
         tile->count[i] = 0u;
-#ifdef AOV_SHARP
+#if AOV_SHARP()
         tile->sharp[i] = 0.0f;
 #endif
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
         tile->operations[i] = 0u;
 #endif
     }
     const int samples = tile->scene.numbers.samples, layers = tile->scene.numbers.layers;
     for (tile->layer = 0; tile->layer < samples; tile->layer += layers) {
         int rows = min(layers, samples - tile->layer) * TILE;
-#ifdef PLACED
+#if PLACED()
         ulong clock = TICKS();
         place(tile, rows);
         clocked(true, PLACE, ticks, &clock);
@@ -196,28 +197,28 @@ kernel void tile(
     global uint *sample_met, global Run *sample_spans, global float4 *sample_still,
     global float4 *pixel_color, global float *pixel_depth, global uint *pixel_met,
     global Span *spans,
-#ifdef PLACED
+#if PLACED()
     global Place *sample_places,
 #endif
-#ifdef WEIGHTED
+#if WEIGHTED()
     global float *sample_weights,
 #endif
-#ifdef AOV_SHARP
+#if AOV_SHARP()
     global float4 *pixel_sharp, global float4 *sharp,
 #endif
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
     global uint *sample_tested, global uint *pixel_operations,
 #endif
-#if defined(MOMENTARY) || defined(AOV_OPERATIONS)
+#if MOMENTARY() || AOV_OPERATIONS()
     global uint *planes,
 #endif
-#ifdef AOV_FORWARD
+#if AOV_FORWARD()
     global const double *forward,
 #endif
-#ifdef AOV_BACKWARD
+#if AOV_BACKWARD()
     global const double *backward,
 #endif
-#ifdef EXACT
+#if EXACT()
     global int *sample_tails, global const Depth *depths,
     global Visit *visits, global Front *fronts, global Front *merged, global Ordering *ordering,
 #else
@@ -225,17 +226,17 @@ kernel void tile(
     global Fragment *fragments, global Interval *intervals, global Sorting *sorting,
     global Interval *sorted,
 #endif
-#ifdef SHADOWS
+#if SHADOWS()
     global const Vertex *world, global const ShadowLight *shadow_lights,
     global const LightView *light_views, global const uint *light_starts,
     global const uint *light_members, global const Outline *outlines, global uint *path_stamps,
     global Step *steps,
 #endif
-#ifdef CUBE_MAPS
+#if CUBE_MAPS()
     global const CubeMap *maps, global const float4 *map_texels, global const Sky *sky,
     global const MirrorPlane *mirror_planes,
 #endif
-#ifdef RECORDED
+#if RECORDED()
     global Event *events, global uint *event_count, global uint *event_end,
 #endif
     global float4 *rgba, global float *depth, global uint *met)
@@ -249,7 +250,7 @@ kernel void tile(
             .vertex_colors = vertex_colors, .uvs = uvs, .normals = normals,
             .textures = textures, .texels = texels, .lights = lights, .cameras = cameras,
             .slots = slots, .filter = filter, .shutter = shutter,
-#ifdef CUBE_MAPS
+#if CUBE_MAPS()
             .maps = maps, .map_texels = map_texels, .sky = sky, .mirror_planes = mirror_planes,
 #endif
         },
@@ -265,19 +266,19 @@ kernel void tile(
         .still = sample_still + samples,
         .color = pixel_color + pixels, .depth = pixel_depth + pixels, .count = pixel_met + pixels,
         .spans = spans + pool,
-#ifdef PLACED
+#if PLACED()
         .places = sample_places + samples,
 #endif
-#ifdef WEIGHTED
+#if WEIGHTED()
         .weights = sample_weights + samples,
 #endif
-#ifdef AOV_SHARP
+#if AOV_SHARP()
         .sharp = pixel_sharp + pixels,
 #endif
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
         .tested = sample_tested + samples, .operations = pixel_operations + pixels,
 #endif
-#ifdef EXACT
+#if EXACT()
         .tails = sample_tails + samples, .depths = depths,
         .visits = visits + pool, .fronts = fronts + pool, .merged = merged + pool,
         .ordering = (global float *)(ordering + worker * (grid.capacity + LANES)),
@@ -286,30 +287,30 @@ kernel void tile(
         .fragments = fragments + pool, .intervals = intervals + pool, .sorted = sorted + pool,
         .sorting = (global float *)(sorting + worker * (grid.capacity + LANES)),
 #endif
-#ifdef SHADOWS
+#if SHADOWS()
         .shadows = {world, shadow_lights, light_views, light_starts, light_members, outlines,
                     path_stamps + worker * numbers.path_count, 0u, steps + pool, 0u},
 #endif
-#ifdef MIRRORS
+#if MIRRORS()
         .frame = frame, .background = background,
 #endif
-#ifdef RECORDED
+#if RECORDED()
         .events = events, .event_capacity = grid.event_capacity,
         .event_count = event_count, .event_end = event_end,
 #endif
     };
     Aovs aovs = {
         .size = (size_t)frame.width * frame.height,
-#if defined(MOMENTARY) || defined(AOV_OPERATIONS)
+#if MOMENTARY() || AOV_OPERATIONS()
         .planes = planes,
 #endif
-#ifdef AOV_SHARP
+#if AOV_SHARP()
         .sharp = sharp,
 #endif
-#ifdef AOV_FORWARD
+#if AOV_FORWARD()
         .forward = forward,
 #endif
-#ifdef AOV_BACKWARD
+#if AOV_BACKWARD()
         .backward = backward,
 #endif
     };
@@ -326,24 +327,24 @@ kernel void tile(
         tile.members = members + starts[index];
         tile.member_count = starts[index + 1] - starts[index];
         tile.static_count = count_static(&tile);
-#ifdef RECORDED
+#if RECORDED()
         tile.events_full = false;
 #endif
         bool done = render_tile(&tile, frame, counters);
         failed[index] = done ? DONE : POOLS_FULL;
-#ifdef RECORDED
+#if RECORDED()
         if (done && tile.events_full) failed[index] = EVENTS_FULL, done = false;
 #endif
         if (!done) continue;
         ulong clock = TICKS();
-#ifdef MOMENTARY
+#if MOMENTARY()
         moment(&tile, frame, aovs);
         clocked(true, MOMENT, counters, &clock);
 #endif
         resolve(&tile, frame, background, rgba, depth, met, aovs);
         clocked(true, RESOLVE, counters, &clock);
     }
-#ifdef EXACT
+#if EXACT()
     counters[TESTS] += tile.tests, counters[HITS] += tile.hits;
 #endif
 }

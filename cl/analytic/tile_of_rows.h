@@ -5,20 +5,11 @@
 // every pixel. The samples of a row lie in one stripe of the pixels' height, or on a line. A piece
 // is a run of rows whose lists fit into the pools.
 //
-// The plan defines TILE (pixels along an edge), MASK_BITS, and a macro for each effect that the
-// scene calls for: MOVING, EXACT, STATIC, SINGLE_SIDED, PHONG, METALLIC, EMISSION, POINT_LIGHTS,
-// SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, BACKGROUND_IMAGE, TRANSPARENT, PAIR_BY_DEPTH, PARTIAL_BITS,
-// MAX_INTERVALS, SHADING_ERROR, ANISOTROPY, PLACED (samples lie differently in every pixel),
-// SCATTERED (over the pixel), LENS, BLADES, FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING,
-// ROLLING_COLUMNS, TRANSLUCENT (what is seen through), ALPHA_VARIES (over a surface), VERTEX_ALPHA,
-// SHADOWS (how many lights cast them), ENVIRONMENT (light from all sides), SKY (it is seen),
-// REFLECTIONS (objects have cube maps of their own), MIRRORS (which make stacks as what is
-// TRANSLUCENT does), GLOSSY; MOMENTARY and the layers of aov.h; RECORDED (spans for the host),
-// RECORDED_COLOR (with colour and depth), EVENT_STEPS (parts of the shutter have a colour of their
-// own). Numbers are in `Numbers`.
+// TILE is a tile's edge in pixels.
 #ifndef MB_TILE_OF_ROWS_H
 #define MB_TILE_OF_ROWS_H
 
+#include "shared/effects.h"
 #include "shared/scene.h"
 #include "shared/vectors.h"
 #include "analytic/aov.h"
@@ -26,13 +17,9 @@
 
 #pragma OPENCL FP_CONTRACT OFF
 
-#if defined(MIRRORS) && !defined(TRANSLUCENT)
-#define TRANSLUCENT // a mirror and what is seen in it are a stack
-#endif
-
 #define NO_LIGHT 1e-6f // transmittance below which what lies behind is not seen
 
-#ifdef SHADOWS
+#if SHADOWS()
 // What the lights see, and the light that reaches spans.
 typedef struct {
     global const Vertex *world; // vertices in the world's directions, relative to the first eye
@@ -50,12 +37,12 @@ typedef struct {
 
 typedef struct {
     Scene scene;
-#ifdef SHADOWS
+#if SHADOWS()
     Shadows shadows;
 #endif
     global const Shape *shapes;  // of the paths
     global const Depth *depths;  // likewise; exact paths only
-#ifdef MIRRORS
+#if MIRRORS()
     Frame frame;
     global const float *background; // an image, if there is one
 #endif
@@ -68,15 +55,15 @@ typedef struct {
     int piece_rows;              // how many to try
     global const uint *members;  // paths that may touch the tile, ascending
     uint member_count, static_count;
-#ifdef PLACED
+#if PLACED()
     global Place *places;        // of the samples of the current layers
 #endif
-#ifdef WEIGHTED
+#if WEIGHTED()
     global float *weights;       // of the samples of the current layers
 #endif
     uint capacity;               // records that each pool holds
     global int *heads;           // first fragment or visit of each sample
-#ifdef EXACT
+#if EXACT()
     global Visit *visits;        // pool
     uint visit_count;
     global int *tails;           // last visit of each sample
@@ -105,14 +92,14 @@ typedef struct {
     global float4 *color;        // per pixel: sums over samples, alpha last
     global float *depth;
     global uint *count;          // intervals met
-#ifdef AOV_SHARP
+#if AOV_SHARP()
     global float4 *sharp;        // per pixel: sums over samples at the moment, alpha last
 #endif
-#ifdef AOV_OPERATIONS
+#if AOV_OPERATIONS()
     global uint *tested;         // paths that each sample was tested against
     global uint *operations;     // per pixel
 #endif
-#ifdef RECORDED
+#if RECORDED()
     global Event *events;        // pool of all work-items
     global uint *event_count;    // that room was asked for so far
     global uint *event_end;      // of those that found room
@@ -124,7 +111,7 @@ typedef struct {
 // Ask for a cache line ahead of its use.
 static inline void fetch(global const void *line)
 {
-#ifdef CLANG_BUILTINS
+#if CLANG_BUILTINS()
     __builtin_prefetch((const void *)(size_t)line, 0, 3);
 #else
     prefetch((global const char *)line, 64);
@@ -138,7 +125,7 @@ static inline float sample_y(const Tile *tile, int row)
 
 static inline Place place_of(const Tile *tile, int sample)
 {
-#ifdef PLACED
+#if PLACED()
     return tile->places[sample];
 #else
     // Whole columns and rows plus an offset: the same bits in any tile.
@@ -151,7 +138,7 @@ static inline Place place_of(const Tile *tile, int sample)
 
 static inline float weight_of(const Tile *tile, int sample)
 {
-#ifdef WEIGHTED
+#if WEIGHTED()
     return tile->weights[sample];
 #else
     return 1.0f;

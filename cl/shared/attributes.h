@@ -2,23 +2,21 @@
 #ifndef MB_ATTRIBUTES_H
 #define MB_ATTRIBUTES_H
 
+#include "shared/effects.h"
 #include "shared/scene.h"
 #include "shared/colors.h"
-#ifdef LIT
+#include "shared/vectors.h"
+#if LIT()
 #include "shared/shading.h"
 #endif
-#ifdef TEXTURED
+#if TEXTURED()
 #include "shared/textures.h"
 #endif
-#ifdef LIGHT_AROUND
+#if LIGHT_AROUND()
 #include "shared/environment.h"
 #include "shared/mirror_planes.h"
 #endif
 #include "shared/shear.h"
-
-#if defined(LENS) || defined(STOCHASTIC) || defined(STATIC) || defined(GLOSSY)
-#define VIEW_VARIES // samples of one surface don't look along one ray
-#endif
 
 // A path as one sample sees it. Corners 0 1 2 are its vertices at the segment's start, 3 4 5 at its
 // end.
@@ -31,11 +29,11 @@ typedef struct {
     float2 window; // when the sample is exposed
     float2 uv[6];
     float3 normal[6], color[6];
-#ifdef VERTEX_ALPHA
+#if VERTEX_ALPHA()
     float alpha[6];
 #endif
     float circle[6];
-#ifdef GLOSSY
+#if GLOSSY()
     Shear shear;
     float height[6];
 #endif
@@ -48,20 +46,20 @@ typedef struct {
     Lanes u, v;
     Lanes3 normal, color;
     Lanes circle;
-#ifdef GLOSSY
+#if GLOSSY()
     Lanes height; // over the plane of the glossy mirror that it is seen in
 #endif
-#ifdef VERTEX_ALPHA
+#if VERTEX_ALPHA()
     Lanes alpha;
 #endif
-#ifdef METALLIC
+#if METALLIC()
     Gloss gloss;
 #endif
-#ifdef ANISOTROPY
+#if ANISOTROPY()
     Footprint footprint;
 #endif
-#ifdef SHADOWS
-    Lanes lit[SHADOWS]; // shares of the light of those that cast shadows
+#if SHADOWS()
+    Lanes lit[SHADOW_LIGHTS]; // shares of the light of those that cast shadows
 #endif
 } Attributes;
 
@@ -82,7 +80,7 @@ static inline uint attribute_index(const Shaded *s, uint base, uint step, int co
     return base + within + (step == 0 ? 0u : (s->segment + corner / 3) * s->mesh.count);
 }
 
-#if defined(LIT) || defined(AOV_NORMAL)
+#if LIT() || AOV_NORMAL()
 static inline global const Camera *segment_camera(const Scene *scene, const Shaded *s, int end)
 {
     return scene->cameras + s->mesh.camera
@@ -105,10 +103,10 @@ static float3 face_normal(const Scene *scene, const Shaded *s, int end)
 }
 #endif
 
-#ifdef VERTEX_COLOR
+#if VERTEX_COLOR()
 static inline void load_color(const Scene *scene, Shaded *s, uint index, int corner)
 {
-#ifdef VERTEX_ALPHA
+#if VERTEX_ALPHA()
     float4 color = vload4(index, scene->vertex_colors);
     s->color[corner] = color.xyz, s->alpha[corner] = color.w;
 #else
@@ -126,7 +124,7 @@ static Shaded load_shaded(const Scene *scene, uint path)
     return s;
 }
 
-#ifdef GLOSSY
+#if GLOSSY()
 static void load_heights(const Scene *scene, Shaded *s)
 {
     s->shear = load_shear(scene->cameras, scene->meshes + s->path.mesh, s->path);
@@ -140,32 +138,32 @@ static void load_heights(const Scene *scene, Shaded *s)
 static void load_corners(const Scene *scene, Shaded *s)
 {
     Mesh mesh = s->mesh;
-#ifdef GLOSSY
+#if GLOSSY()
     load_heights(scene, s);
 #endif
     for (int i = 0; i < 6; i++) {
         s->uv[i] = 0.0f, s->normal[i] = 0.0f, s->color[i] = 1.0f;
-#ifdef VERTEX_ALPHA
+#if VERTEX_ALPHA()
         s->alpha[i] = 1.0f;
 #endif
-#ifdef LENS
+#if LENS()
         s->circle[i] = (float)scene->vertices[corner_vertex(s->path, i)].circle;
 #endif
-#ifdef TEXTURED
+#if TEXTURED()
         if (mesh.uv != NONE)
             s->uv[i] = vload2(attribute_index(s, mesh.uv, mesh.uv_step, i), scene->uvs);
 #endif
-#ifdef VERTEX_COLOR
+#if VERTEX_COLOR()
         if (mesh.color != NONE)
             load_color(scene, s, attribute_index(s, mesh.color, mesh.color_step, i), i);
 #endif
-#ifdef LIT
+#if LIT()
         if (mesh.normal != NONE)
             s->normal[i] = vload3(attribute_index(s, mesh.normal, mesh.normal_step, i),
                                   scene->normals);
 #endif
     }
-#ifdef LIT
+#if LIT()
     if (mesh.normal == NONE && (s->material.flags & MATERIAL_LIT))
         for (int end = 0; end < 2; end++)
             s->normal[3 * end] = s->normal[3 * end + 1] = s->normal[3 * end + 2]
@@ -177,38 +175,38 @@ static void load_corners(const Scene *scene, Shaded *s)
 static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
 {
     Attributes a = {0.0f, 0.0f, {0.0f, 0.0f, 0.0f}, {1.0f, 1.0f, 1.0f}, 0.0f};
-#ifdef ANISOTROPY
+#if ANISOTROPY()
     Footprint point = {0.0f, 0.0f, 0.0f, 0.0f};
     a.footprint = point;
 #endif
-#ifdef TEXTURED
+#if TEXTURED()
     for (int i = 0; i < 6; i++) a.u += weights[i] * s->uv[i].x, a.v += weights[i] * s->uv[i].y;
 #endif
-#ifdef LIT
+#if LIT()
     for (int i = 0; i < 6; i++) a.normal = lanes_added(a.normal, weights[i], s->normal[i]);
 #endif
-#ifdef VERTEX_COLOR
+#if VERTEX_COLOR()
     a.color.x = a.color.y = a.color.z = 0.0f;
     for (int i = 0; i < 6; i++) a.color = lanes_added(a.color, weights[i], s->color[i]);
 #endif
-#ifdef VERTEX_ALPHA
+#if VERTEX_ALPHA()
     a.alpha = 0.0f;
     for (int i = 0; i < 6; i++) a.alpha += weights[i] * s->alpha[i];
 #endif
-#ifdef LENS
+#if LENS()
     for (int i = 0; i < 6; i++) a.circle += weights[i] * s->circle[i];
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     a.height = 0.0f;
     for (int i = 0; i < 6; i++) a.height += weights[i] * s->height[i];
 #endif
     return a;
 }
 
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
 static INLINED Lanes vertex_alpha(const Attributes *a)
 {
-#ifdef VERTEX_ALPHA
+#if VERTEX_ALPHA()
     return a->alpha;
 #else
     return 1.0f;
@@ -231,12 +229,12 @@ static INLINED Lanes counted_alpha(const Shaded *s, Lanes alpha)
 }
 #endif
 
-#ifdef TEXTURED
+#if TEXTURED()
 // The texture's colours, at mip level `level`; `count` of them matter.
 static inline Colors texel_colors(const Scene *scene, uint texture, const Attributes *a,
                                   float level, int count)
 {
-#ifdef ANISOTROPY
+#if ANISOTROPY()
     return texture_over(scene->texels, scene->textures[texture], &a->u, &a->v, &a->footprint,
                         level, scene->numbers.anisotropy, count);
 #else
@@ -245,13 +243,13 @@ static inline Colors texel_colors(const Scene *scene, uint texture, const Attrib
 }
 #endif
 
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
 // What vertices and the texture, at its finest level, say of alpha; `count` of them matter.
 static INLINED Lanes given_alpha(const Scene *scene, const Shaded *s, const Attributes *a,
                                  int count)
 {
     Lanes alpha = vertex_alpha(a);
-#ifdef TEXTURED
+#if TEXTURED()
     if (s->material.texture != NONE) {
         Texture texture = scene->textures[s->material.texture];
         alpha *= texture_at(scene->texels, texture, &a->u, &a->v, 0.0f, count).alpha;
@@ -271,7 +269,7 @@ static INLINED Lanes alpha_at_weights(const Scene *scene, uint path, const Lanes
 }
 #endif
 
-#ifdef ANISOTROPY
+#if ANISOTROPY()
 // Nothing where it is not finite, since the triangle is seen edge-on.
 static INLINED Lanes footprint_side(LaneDoubles side)
 {
@@ -307,12 +305,12 @@ static INLINED void load_footprint(const Scene *scene, const Shaded *s, float ta
 }
 #endif
 
-#ifdef METALLIC
+#if METALLIC()
 // Metallic and roughness, with their texture's blue and green (glTF 2.0, 3.9.2).
 static void load_gloss(const Scene *scene, const Shaded *s, Attributes *a, float level, int count)
 {
     a->gloss.metallic = s->material.metallic, a->gloss.roughness = s->material.roughness;
-#ifdef TEXTURED
+#if TEXTURED()
     if (s->material.gloss_texture != NONE) {
         Colors texel = texel_colors(scene, s->material.gloss_texture, a, level, count);
         a->gloss.metallic *= texel.z, a->gloss.roughness *= texel.y;
@@ -321,13 +319,13 @@ static void load_gloss(const Scene *scene, const Shaded *s, Attributes *a, float
 }
 #endif
 
-#ifdef EMISSION
+#if EMISSION()
 static Lanes3 with_emission(const Scene *scene, const Shaded *s, const Attributes *a, Lanes3 color,
                             float level, int count)
 {
     const float *given = s->material.emission;
     Lanes3 emission = {given[0], given[1], given[2]};
-#ifdef TEXTURED
+#if TEXTURED()
     if (s->material.emission_texture != NONE) {
         Colors texel = texel_colors(scene, s->material.emission_texture, a, level, count);
         emission.x *= texel.x, emission.y *= texel.y, emission.z *= texel.z;
@@ -337,7 +335,7 @@ static Lanes3 with_emission(const Scene *scene, const Shaded *s, const Attribute
 }
 #endif
 
-#ifdef LIT
+#if LIT()
 // The view through the sample's point of the film at the segment's start and end.
 static void load_view(const Scene *scene, Shaded *s)
 {
@@ -369,7 +367,7 @@ static inline Lanes3 normals_seen(const Shaded *s, const Attributes *a, Lanes3 v
     if (s->material.flags & MATERIAL_SINGLE_SIDED) return normal;
     return lanes_scaled(normal, lanes_dot(normal, view) < 0.0f ? (Lanes)(-1.0f) : (Lanes)(1.0f));
 }
-#ifdef GLOSSY
+#if GLOSSY()
 // From the sheared point, (x, y) on screen, that samples see, to the one that is lit.
 static INLINED void undo_shear(const Shaded *s, const Attributes *attributes, Lanes a, Lanes b,
                                Lanes x, Lanes y, Sight *sight)
@@ -398,7 +396,7 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
     Lanes3 ray = rays_at(s, t);
     Lanes3 position = {s->eye[0].x, s->eye[0].y, s->eye[0].z};
     position = lanes_added(position, tau, s->eye[1] - s->eye[0]);
-#ifdef VIEW_VARIES
+#if VIEW_VARIES()
     global const double *m = segment_camera(scene, s, 0)->inverse;
     global const double *n = segment_camera(scene, s, 1)->inverse;
     ray = lanes_added(ray, across, (float3)(m[0], m[3], m[6]));
@@ -409,22 +407,22 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
     position.x += sight->w * ray.x, position.y += sight->w * ray.y;
     position.z += sight->w * ray.z;
     Lanes3 view = lanes_unit(lanes_scaled(ray, -1.0f)), normal = normals_seen(s, a, view);
-#ifdef METALLIC
+#if METALLIC()
     const Gloss *gloss = s->material.flags & MATERIAL_METALLIC ? &a->gloss : 0;
 #else
     const Gloss *gloss = 0;
 #endif
     global const Light *lights = scene->lights;
-#ifdef MIRRORS
+#if MIRRORS()
     lights += s->mesh.world * scene->numbers.light_count; // those of each world in turn
 #endif
     Lanes3 sum = reflected(&s->material, gloss, color, position, normal, view, lights,
-#ifdef SHADOWS
+#if SHADOWS()
                            a->lit,
 #endif
                            scene->numbers.light_count);
-#ifdef LIGHT_AROUND
-#ifdef MIRRORS
+#if LIGHT_AROUND()
+#if MIRRORS()
     normal = unmirrored(scene, s->mesh.world, normal);
     view = unmirrored(scene, s->mesh.world, view);
 #endif

@@ -2,6 +2,7 @@
 #ifndef MB_COLORS_H
 #define MB_COLORS_H
 
+#include "shared/effects.h"
 #include "shared/lanes.h"
 
 static inline float3 load3(global const float *p) { return (float3)(p[0], p[1], p[2]); }
@@ -9,12 +10,12 @@ static inline float3 load3(global const float *p) { return (float3)(p[0], p[1], 
 // Sixteen colours, with alpha where it varies over a surface. Those of textures are premultiplied.
 typedef struct {
     Lanes x, y, z;
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     Lanes alpha;
 #endif
 } Colors;
 
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
 static inline Colors unpremultiplied(Colors c)
 {
     Lanes over = c.alpha > 0.0f ? 1.0f / c.alpha : (Lanes)(0.0f);

@@ -6,13 +6,14 @@
 #ifndef MB_ENVIRONMENT_H
 #define MB_ENVIRONMENT_H
 
+#include "shared/effects.h"
 #include "shared/cube_map.h"
 #include "shared/scene.h"
 #include "shared/shading.h"
 
 #define IRRADIANCE_SIZE 16u // of the cube for Lambert's surfaces
 
-#ifdef METALLIC
+#if METALLIC()
 
 #define SHARE_COLUMNS 64 // of the table, from a cosine to the view of 0 to one of 1
 #define SHARE_ROWS 32    // from a roughness of 0 to one of 1
@@ -67,7 +68,7 @@ static INLINED Lanes3 light_around(const Scene *scene, uint map, const Gloss *gl
                                    Lanes3 normal, Lanes3 view, Lanes t, int count)
 {
     Lanes3 sum = {0.0f, 0.0f, 0.0f};
-#ifdef METALLIC
+#if METALLIC()
     Facets facets;
     Shares shares;
     if (gloss) {
@@ -79,14 +80,14 @@ static INLINED Lanes3 light_around(const Scene *scene, uint map, const Gloss *gl
         color.z = facets.diffuse.z * (1.0f - facets.mirrored.z) * (1.0f - shares.lost);
     }
 #endif
-#ifdef ENVIRONMENT
+#if ENVIRONMENT()
     CubeMap around = scene->maps[0];
     around.levels = 1u, around.size[0] = IRRADIANCE_SIZE, around.first[0] = around.irradiance;
     Lanes finest = 0.0f;
     Lanes3 scattered = cube_light(&around, scene->map_texels, normal, &finest, &t, count);
     sum.x = color.x * scattered.x, sum.y = color.y * scattered.y, sum.z = color.z * scattered.z;
 #endif
-#ifdef METALLIC
+#if METALLIC()
     if (gloss) {
         CubeMap seen = scene->maps[map];
         Lanes level = level_of(&seen, facets.alpha);

@@ -2,6 +2,7 @@
 #ifndef MB_GAZE_H
 #define MB_GAZE_H
 
+#include "shared/effects.h"
 #include "shared/cube_map.h"
 #include "shared/mirror_planes.h"
 
@@ -15,7 +16,7 @@ typedef struct {
 static inline Gaze gaze_at(Place place, uint world)
 {
     Gaze g = {place.x, place.y, place.u, place.v, 0.0f, 0.0f, world};
-#ifdef GLOSSY
+#if GLOSSY()
     g.a = place.a, g.b = place.b;
 #endif
     return g;
@@ -26,7 +27,7 @@ static INLINED Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
 {
     float times[LANES], way[3][LANES], px[LANES], py[LANES];
     lanes_store(t, times), lanes_store(gaze->x, px), lanes_store(gaze->y, py);
-#ifdef LENS
+#if LENS()
     float pu[LANES], pv[LANES];
     lanes_store(gaze->u, pu), lanes_store(gaze->v, pv);
 #endif
@@ -36,7 +37,7 @@ static INLINED Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
         while (k + 1u < scene->numbers.sky_count && scene->sky[k].close <= times[i]) k++;
         global const Sky *sky = scene->sky + k;
         float part = clamp((times[i] - sky->open) / (sky->close - sky->open), 0.0f, 1.0f);
-#ifdef LENS
+#if LENS()
         float blur = mix(sky->blur_start, sky->blur_end, part);
         px[i] -= blur * pu[i], py[i] -= blur * pv[i];
 #endif

@@ -2,6 +2,7 @@
 #ifndef MB_LENS_H
 #define MB_LENS_H
 
+#include "shared/effects.h"
 #include "shared/records.h"
 
 // Area-preserving map of the unit square to the unit disc.
@@ -15,7 +16,7 @@ static float2 square_to_disc(float2 square)
     return radius * (float2)(cos(angle), sin(angle));
 }
 
-#ifdef BLADES
+#if BLADES()
 // Likewise to the regular polygon of the blades within the unit disc.
 static float2 square_to_polygon(float2 square, const Numbers *numbers)
 {
@@ -27,7 +28,7 @@ static float2 square_to_polygon(float2 square, const Numbers *numbers)
 }
 #endif
 
-#ifdef SLICE_LINES
+#if SLICE_LINES()
 // Likewise along lines that go from rim to rim through the middle: x says which line, y where on
 // it.
 // Areas are kept, so that places crowd towards the rim as all lines together do in the middle.
@@ -38,7 +39,7 @@ static float2 square_to_disc_lines(float2 square)
     return sqrt(fabs(along)) * (float2)(cos(angle), sin(angle));
 }
 
-#ifdef BLADES
+#if BLADES()
 // Of a polygon. (A line's halves begin half the rim apart, which with an odd number of blades bends
 // it a little.)
 static float2 square_to_polygon_lines(float2 square, const Numbers *numbers)

@@ -2,13 +2,14 @@
 #ifndef MB_MIRROR_PLANES_H
 #define MB_MIRROR_PLANES_H
 
+#include "shared/effects.h"
 #include "shared/vectors.h"
 #include "shared/scene.h"
 
 // Directions in the world of a mirror as they are in the real one.
 static inline Lanes3 unmirrored(const Scene *scene, uint world, Lanes3 ways)
 {
-#ifdef MIRRORS
+#if MIRRORS()
     if (world == 0u) return ways;
     float3 normal = vload3(0, scene->mirror_planes[world - 1u].normal);
     Lanes3 n = {normal.x, normal.y, normal.z};
@@ -22,7 +23,7 @@ static inline Lanes3 unmirrored(const Scene *scene, uint world, Lanes3 ways)
 // disc: those in which it lies.
 static INLINED Lanes3 unsheared(const Scene *scene, uint world, Lanes3 ways, Lanes a, Lanes b)
 {
-#ifdef GLOSSY
+#if GLOSSY()
     if (world == 0u) return ways;
     global const MirrorPlane *plane = scene->mirror_planes + (world - 1u);
     float3 normal = vload3(0, plane->normal);

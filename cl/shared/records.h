@@ -3,6 +3,7 @@
 #ifndef MB_RECORDS_H
 #define MB_RECORDS_H
 
+#include "shared/effects.h"
 #include "shared/inlining.h"
 
 // What the kernels are told in numbers: of the scene, and of the plan. Those of an effect that is
@@ -266,7 +267,7 @@ typedef struct {
     float t0, t1;
     float weight; // of the shutter
     uint source;  // exact paths: the path; triangulated ones: index into the pool `sorted`
-#ifdef SHADOWS
+#if SHADOWS()
     uint steps;   // first of its steps in their pool
 #endif
 } Span;
@@ -363,7 +364,7 @@ typedef struct {
 // that of the disc over which glossy mirrors spread what they show.
 typedef struct {
     float x, y, u, v;
-#ifdef GLOSSY
+#if GLOSSY()
     float a, b;
 #endif
 } Place;

@@ -2,19 +2,8 @@
 #ifndef MB_SCENE_H
 #define MB_SCENE_H
 
+#include "shared/effects.h"
 #include "shared/records.h"
-
-#if defined(PHONG) || defined(METALLIC)
-#define LIT // surfaces reflect light
-#endif
-
-#if defined(ENVIRONMENT) || defined(REFLECTIONS)
-#define LIGHT_AROUND // surfaces reflect what cube maps hold
-#endif
-
-#if defined(LIGHT_AROUND) || defined(SKY)
-#define CUBE_MAPS
-#endif
 
 typedef struct {
     Numbers numbers;
@@ -32,7 +21,7 @@ typedef struct {
     global const Slot *slots;      // of the samples of a pixel
     global const float *filter;    // inverse of the filter's cumulative weight
     global const ShutterKey *shutter;
-#ifdef CUBE_MAPS
+#if CUBE_MAPS()
     global const CubeMap *maps;       // the environment, then those of objects
     global const float4 *map_texels;  // what facets reflect (environment.h), and those of maps
     global const Sky *sky;            // the camera, for what lies behind all

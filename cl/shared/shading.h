@@ -2,6 +2,7 @@
 #ifndef MB_SHADING_H
 #define MB_SHADING_H
 
+#include "shared/effects.h"
 #include "shared/vectors.h"
 #include "shared/records.h"
 
@@ -32,7 +33,7 @@ typedef struct {
     Lanes metallic, roughness;
 } Gloss;
 
-#ifdef METALLIC
+#if METALLIC()
 
 #define LEAST_ROUGHNESS 0.03f // lights are points: below it a highlight would only be missed
 
@@ -107,12 +108,12 @@ static INLINED Lanes3 facets_reflect(const Facets *f, Lanes3 normal, Lanes3 view
 // a light of colour 1 has colour 1.
 static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 color,
                         Lanes3 position, Lanes3 normal, Lanes3 view, global const Light *lights,
-#ifdef SHADOWS
+#if SHADOWS()
                         const Lanes *lit,
 #endif
                         uint light_count)
 {
-#ifdef METALLIC
+#if METALLIC()
     Facets facets;
     if (gloss) facets = facets_of(gloss, color);
 #endif
@@ -123,7 +124,7 @@ static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 col
         Light light = lights[i];
         float3 arriving = (float3)(light.color[0], light.color[1], light.color[2]);
         if (light.kind == LIGHT_AMBIENT) {
-#ifdef METALLIC
+#if METALLIC()
             if (gloss) {
                 sum.x += arriving.x * ambient_of(facets.diffuse.x, facets.mirrored.x);
                 sum.y += arriving.y * ambient_of(facets.diffuse.y, facets.mirrored.y);
@@ -138,14 +139,14 @@ static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 col
         }
         Lanes3 towards = {light.vector[0], light.vector[1], light.vector[2]};
         Lanes strength = 1.0f;
-#ifdef POINT_LIGHTS
+#if POINT_LIGHTS()
         if (light.kind != LIGHT_DIRECTIONAL) {
             towards.x -= position.x, towards.y -= position.y, towards.z -= position.z;
             strength = 1.0f / lanes_max(lanes_dot(towards, towards), 1e-30f); // in it, too
             towards = lanes_scaled(towards, sqrt(strength));
         }
 #endif
-#ifdef SPOT_LIGHTS
+#if SPOT_LIGHTS()
         if (light.kind == LIGHT_SPOT) {
             Lanes3 axis = {light.axis[0], light.axis[1], light.axis[2]};
             Lanes cone = light.cone[0] * lanes_dot(axis, towards) + light.cone[1];
@@ -153,12 +154,12 @@ static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 col
             strength *= cone * cone;
         }
 #endif
-#ifdef SHADOWS
+#if SHADOWS()
         if (light.shadow != NONE) strength *= lit[light.shadow];
 #endif
         Lanes cosine = lanes_dot(normal, towards);
         cosine = cosine > 0.0f ? cosine : (Lanes)(0.0f);
-#ifdef METALLIC
+#if METALLIC()
         if (gloss) {
             Lanes3 seen = facets_reflect(&facets, normal, view, towards, cosine);
             sum.x += arriving.x * strength * seen.x;

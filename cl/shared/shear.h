@@ -8,7 +8,9 @@
 #ifndef MB_SHEAR_H
 #define MB_SHEAR_H
 
-#ifdef GLOSSY
+#include "shared/effects.h"
+
+#if GLOSSY()
 
 #include "shared/lanes.h"
 #include "shared/records.h"

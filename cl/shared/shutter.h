@@ -3,13 +3,14 @@
 #ifndef MB_SHUTTER_H
 #define MB_SHUTTER_H
 
+#include "shared/effects.h"
 #include "shared/scene.h"
 
 // Times at which the line of the pixel in column x and row y begins and ceases to be exposed.
 static inline float2 line_window(const Scene *scene, int x, int y)
 {
-#ifdef ROLLING
-#ifdef ROLLING_COLUMNS
+#if ROLLING()
+#if ROLLING_COLUMNS()
     int line = x;
 #else
     int line = y;
@@ -21,7 +22,7 @@ static inline float2 line_window(const Scene *scene, int x, int y)
 #endif
 }
 
-#ifdef SHUTTER_CURVE
+#if SHUTTER_CURVE()
 
 // Share of the light that has passed by `t`, in the line's own time, [0, 1]. The curve is linear
 // between keys, so the light in between is a trapezoid.
@@ -53,10 +54,10 @@ static float time_through_curve(global const ShutterKey *keys, uint count, float
 // Share of the light of a line, open in `window`, that has passed by t.
 static inline float light_until(const Scene *scene, float2 window, float t)
 {
-#ifdef ROLLING
+#if ROLLING()
     t = clamp((t - window.x) / (window.y - window.x), 0.0f, 1.0f);
 #endif
-#ifdef SHUTTER_CURVE
+#if SHUTTER_CURVE()
     t = passed_through_curve(scene->shutter, scene->numbers.shutter_keys, t);
 #endif
     return t;
@@ -65,10 +66,10 @@ static inline float light_until(const Scene *scene, float2 window, float t)
 // The time by which that share has passed.
 static inline float time_of_light(const Scene *scene, float2 window, float passed)
 {
-#ifdef SHUTTER_CURVE
+#if SHUTTER_CURVE()
     passed = time_through_curve(scene->shutter, scene->numbers.shutter_keys, passed);
 #endif
-#ifdef ROLLING
+#if ROLLING()
     passed = window.x + (window.y - window.x) * passed;
 #endif
     return passed;

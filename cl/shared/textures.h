@@ -2,6 +2,7 @@
 #ifndef MB_TEXTURES_H
 #define MB_TEXTURES_H
 
+#include "shared/effects.h"
 #include "shared/colors.h"
 #include "shared/records.h"
 
@@ -46,7 +47,7 @@ static Colors bilinear(TextureLevel level, const Lanes *u, const Lanes *v, int c
     lanes_store(wrap_texels(y0, level.height, level.wrap) * level.width, top);
     lanes_store(wrap_texels(y0 + 1.0f, level.height, level.wrap) * level.width, bottom);
     float across[LANES], down[LANES], r[LANES], g[LANES], b[LANES];
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     float alpha[LANES];
 #endif
     lanes_store(x - x0, across), lanes_store(y - y0, down);
@@ -58,12 +59,12 @@ static Colors bilinear(TextureLevel level, const Lanes *u, const Lanes *v, int c
                         mix(lower[left[i]], lower[right[i]], across[i]), down[i]);
         }
         r[i] = texel.x, g[i] = texel.y, b[i] = texel.z;
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
         alpha[i] = texel.w;
 #endif
     }
     Colors found = {lanes_load(r), lanes_load(g), lanes_load(b)};
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     found.alpha = lanes_load(alpha);
 #endif
     return found;
@@ -82,7 +83,7 @@ static Colors texture_at(global const float4 *texels, Texture texture, const Lan
     if (above == below || level == below) return fine;
     Colors coarse = bilinear(texture_level(texels, texture, above), &u, &v, count);
     Lanes part = level - below;
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     fine.alpha = mix(fine.alpha, coarse.alpha, part);
 #endif
     fine.x = mix(fine.x, coarse.x, part), fine.y = mix(fine.y, coarse.y, part);
@@ -90,7 +91,7 @@ static Colors texture_at(global const float4 *texels, Texture texture, const Lan
     return fine;
 }
 
-#ifdef ANISOTROPY
+#if ANISOTROPY()
 
 // How texture coordinates change from a sample to where the next one would be, to the right and
 // down.
@@ -174,7 +175,7 @@ static Colors texture_over(global const float4 *texels, Texture texture, const L
         found[3][i] = texel.w;
     }
     Colors c = {lanes_load(found[0]), lanes_load(found[1]), lanes_load(found[2])};
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     c.alpha = lanes_load(found[3]);
 #endif
     return c;

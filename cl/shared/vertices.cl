@@ -1,9 +1,10 @@
 // Vertices in homogeneous pixel space at the ends of every motion segment.
+#include "shared/effects.h"
 #include "shared/records.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
-#ifdef LENS
+#if LENS()
 // Circle of confusion at depth w, in pixels, times w: affine in w for a thin lens. In the extended
 // range in focus it is zero, and beyond continuous; before the focus it is limited (Wu et al. 2015,
 // 3.4; Munkberg et al. 2012).
@@ -30,7 +31,7 @@ kernel void vertices(global const VertexJob *jobs, global const double *position
         double x = p[0] - camera.eye[0], y = p[1] - camera.eye[1], z = p[2] - camera.eye[2];
         Vertex v = {m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z,
                     m[6] * x + m[7] * y + m[8] * z, 0.0};
-#ifdef LENS
+#if LENS()
         v.circle = lens_circle(&camera, v.w);
 #endif
         vertices[job.output + i] = v;

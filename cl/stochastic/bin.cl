@@ -3,6 +3,7 @@
 //
 // Paths are counted, then filed, in chunks; a tile's paths come chunk by chunk and so in the order
 // given, in any run and on any number of threads.
+#include "shared/effects.h"
 #include "shared/lanes.h"
 #include "shared/records.h"
 #include "shared/shear.h"
@@ -19,7 +20,7 @@ static Boxes boxes_of(global const Vertex *vertices, global const Mesh *meshes,
                       global const Camera *cameras, Path path, ListGrid grid)
 {
     const uint corner[3] = {path.a, path.b, path.c};
-#ifdef GLOSSY
+#if GLOSSY()
     Shear shear = load_shear(cameras, meshes + path.mesh, path);
 #endif
     Boxes boxes = {INFINITY, -INFINITY, INFINITY, -INFINITY};
@@ -33,10 +34,10 @@ static Boxes boxes_of(global const Vertex *vertices, global const Mesh *meshes,
         float w = (float)(size * q.w), dw = (float)(size * r.w) - w;
         float slack = 0x1p-18f * (fabs(x) + fabs(dx) + fabs(y) + fabs(dy));
         float circle = 0.0f;
-#ifdef LENS
+#if LENS()
         circle = (float)(size * fmax(fabs(q.circle), fabs(r.circle))) * (1.0f + 1e-6f);
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
         Added first = added_by_shear(&shear, 0, q, size, grid.x, grid.y);
         Added last = added_by_shear(&shear, 1, r, size, grid.x, grid.y);
 #endif
@@ -45,7 +46,7 @@ static Boxes boxes_of(global const Vertex *vertices, global const Mesh *meshes,
             Lanes now = w + t * dw, over = 1.0f / now, blur = (circle + slack) * over + 1e-3f;
             Lanes px = (x + t * dx) * over, py = (y + t * dy) * over, blur_y = blur;
             behind |= !(now > 1e-6f);
-#ifdef GLOSSY
+#if GLOSSY()
             if (shear.any) {
                 Spread spread = spread_over_time(&first, &last, t, px, py, now);
                 behind |= !(spread.least > 1e-6f);

@@ -1,4 +1,5 @@
 // Stage "bounds": what a path's vertices say about all samples.
+#include "shared/effects.h"
 #include "shared/scene.h"
 #include "shared/shear.h"
 
@@ -88,7 +89,7 @@ kernel void bounds(Numbers numbers, global const Vertex *vertices, global const 
             most = fmax(most, fabs(v.circle));
         }
         bool one_sided = materials[mesh.material].flags & MATERIAL_SINGLE_SIDED, turns = false;
-#ifdef GLOSSY
+#if GLOSSY()
         Shear shear = load_shear(cameras, meshes + path.mesh, path);
         double deep = 0.0;
         for (int k = 0; k < 6 && shear.any; k++)

@@ -3,11 +3,12 @@
 #ifndef MB_LIGHTS_H
 #define MB_LIGHTS_H
 
+#include "shared/effects.h"
 #include "stochastic/moving.h"
 #include "stochastic/trace.h"
 #include "shared/attributes.h"
 
-#ifdef GLOSSY
+#if GLOSSY()
 // What samples' shear adds to (x, y, w) of a vertex that moves from a to b.
 static INLINED LaneDoubles3 added_to(const Shear *shear, Vertex a, Vertex b, LaneDoubles tau,
                                  const Samples *s)
@@ -35,19 +36,19 @@ static LaneDoubles3 points_seen(const Tile *tile, Path path, const Samples *samp
     LaneDoubles y = to_lane_doubles(samples->y) + (tile->y + HALF);
     const uint corner[3] = {path.a, path.b, path.c};
     LaneDoubles px[3], py[3], e[3];
-#ifdef GLOSSY
+#if GLOSSY()
     Shear shear = load_shear(tile->scene.cameras, tile->scene.meshes + path.mesh, path);
 #endif
     for (int i = 0; i < 3; i++) {
         Vertex a = tile->scene.vertices[corner[i]], b = tile->scene.vertices[corner[i] + path.step];
         LaneDoubles w = a.w + tau * (b.w - a.w);
         px[i] = a.x + tau * (b.x - a.x), py[i] = a.y + tau * (b.y - a.y);
-#ifdef LENS
+#if LENS()
         LaneDoubles circle = a.circle + tau * (b.circle - a.circle);
         px[i] += to_lane_doubles(samples->u) * circle;
         py[i] += to_lane_doubles(samples->v) * circle;
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
         LaneDoubles3 more = added_to(&shear, a, b, tau, samples);
         px[i] += more.x, py[i] += more.y, w += more.z;
 #endif
@@ -68,7 +69,7 @@ static LaneDoubles3 points_seen(const Tile *tile, Path path, const Samples *samp
     return seen;
 }
 
-#ifdef SHADOW_MAP
+#if SHADOW_MAP()
 
 // Whether the nearest surface of the map's texel, at a time of the sample's stratum, lies before
 // the point by more than the bias: `shadow_bias` times a texel's size there.
@@ -111,9 +112,9 @@ static INLINED Lanes mapped_share(const Tile *tile, const ShadowLight *light,
 static void light_at_samples(const Tile *tile, uint path, const Samples *samples, Lanes *lit)
 {
     LaneDoubles3 points = points_seen(tile, tile->scene.paths[path], samples);
-    for (int k = 0; k < SHADOWS; k++) {
+    for (int k = 0; k < SHADOW_LIGHTS; k++) {
         ShadowLight light = tile->shadow_lights[k];
-#ifdef SHADOW_MAP
+#if SHADOW_MAP()
         lit[k] = mapped_share(tile, &light, &points, samples->t);
 #else
         Rays rays = {.from = points, .t = samples->t, .ends = light.finite};

@@ -4,22 +4,23 @@
 #ifndef MB_MIRROR_SAMPLES_H
 #define MB_MIRROR_SAMPLES_H
 
+#include "shared/effects.h"
 #include "stochastic/tile_of_slabs.h"
-#ifdef SKY
+#if SKY()
 #include "shared/gaze.h"
 #endif
 
 // Whether a path is sampled now: in mirrors what is reflected, before that all else.
 static inline bool is_sampled_now(const Tile *tile, uint path)
 {
-#ifdef MIRRORS
+#if MIRRORS()
     return (mesh_of(&tile->scene, path)->world != 0u) == tile->in_mirrors;
 #else
     return true;
 #endif
 }
 
-#ifdef MIRRORS
+#if MIRRORS()
 
 // The mirror that a sample sees, or 0.
 static inline uint mirror_seen(const Tile *tile, uint owner)
@@ -59,7 +60,7 @@ static void enter_mirrors(Tile *tile)
     for (int k = 0; k < tile->slabs * BLOCKS; k++) {
         Lanes zs = load(tile->zs, k * LANES);
         tile->block_far[k] = lanes_greatest(zs);
-#ifdef ZMIN
+#if ZMIN()
         tile->block_near[k] = lanes_least(zs);
 #endif
     }
@@ -84,12 +85,12 @@ static bool find_mirrors(const Tile *tile)
 // background of the sample's pixel.
 static float4 mirrored_behind(const Tile *tile, int index)
 {
-#ifdef SKY
+#if SKY()
     Gaze gaze = {tile->xs[index] + (tile->x + HALF), tile->ys[index] + (tile->y + HALF)};
-#ifdef LENS
+#if LENS()
     gaze.u = tile->us[index], gaze.v = tile->vs[index];
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     gaze.a = tile->as[index], gaze.b = tile->bs[index];
 #endif
     gaze.world = mirror_seen(tile, tile->owners[index]);
@@ -98,7 +99,7 @@ static float4 mirrored_behind(const Tile *tile, int index)
     return (float4)(LANE3(light, 0), 1.0f);
 #else
     const Frame *film = &tile->film;
-#ifdef BACKGROUND_IMAGE
+#if BACKGROUND_IMAGE()
     int pixel = index % SLAB, at = pixel_of(pixel / LANES, pixel % LANES);
     int x = tile->x + at % TILE - film->x, y = tile->y + at / TILE - film->y;
     if (x < 0 || y < 0 || x >= film->width || y >= film->height) return (float4)(1.0f);

@@ -18,20 +18,21 @@
 #ifndef MB_MOVING_H
 #define MB_MOVING_H
 
+#include "shared/effects.h"
 #include "stochastic/tile_of_slabs.h"
 #include "shared/shear.h"
 
 typedef struct {
     float x[3], y[3], w[3];    // at the start of the segment, scaled
     float dx[3], dy[3], dw[3]; // from there to its end
-#ifdef LENS
+#if LENS()
     float c[3], dc[3];         // circle of confusion
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     bool sheared;
     Added first[3], last[3];   // what a and b of a sample add to the vertices at both ends
 #endif
-#ifdef TEST_EDGES
+#if TEST_EDGES()
     // of edge i, factor of x, y and 1, the coefficients of 1, tau and tau^2
     float edge[3][3][3];
 #endif
@@ -41,7 +42,7 @@ typedef struct {
     float near;
     uint path;
     bool single_sided;
-#ifdef TRANSLUCENT
+#if TRANSLUCENT()
     float alpha;               // the path's
 #endif
 } Moving;
@@ -49,10 +50,10 @@ typedef struct {
 // Sixteen samples.
 typedef struct {
     Lanes x, y, t;
-#ifdef LENS
+#if LENS()
     Lanes u, v;
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     Lanes a, b;
 #endif
 } Samples;
@@ -61,16 +62,16 @@ static inline Samples load_samples(const Tile *tile, int index)
 {
     Samples s;
     s.x = load(tile->xs, index), s.y = load(tile->ys, index), s.t = load(tile->ts, index);
-#ifdef LENS
+#if LENS()
     s.u = load(tile->us, index), s.v = load(tile->vs, index);
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     s.a = load(tile->as, index), s.b = load(tile->bs, index);
 #endif
     return s;
 }
 
-#ifdef GLOSSY
+#if GLOSSY()
 // Load how a path is sheared, with the scale and the origin of its vertices. Returns the most that
 // is added to them.
 static float load_added(const Tile *tile, Path path, double scale, double x, double y, Moving *m)
@@ -100,7 +101,7 @@ static INLINED Lanes sheared_by(const Moving *m, int which, int i, const Samples
 }
 #endif
 
-#ifdef TEST_EDGES
+#if TEST_EDGES()
 static INLINED bool comes_before(double3 p0, double3 p1, double3 q0, double3 q1)
 {
     if (p0.x != q0.x) return p0.x < q0.x;
@@ -148,7 +149,7 @@ static Moving load_moving(const Tile *tile, uint index)
     const uint corner[3] = {path.a, path.b, path.c};
     const double scale = bounds.scale, x = tile->x + HALF, y = tile->y + HALF;
     float most = 0.0f;
-#ifdef TEST_EDGES
+#if TEST_EDGES()
     double3 start[3], end[3];
 #endif
     for (int i = 0; i < 3; i++) {
@@ -160,21 +161,21 @@ static Moving load_moving(const Tile *tile, uint index)
         m.dx[i] = x1 - m.x[i], m.dy[i] = y1 - m.y[i], m.dw[i] = w1 - m.w[i];
         most = fmax(most, fmax(fmax(fabs(m.x[i]), fabs(x1)), fmax(fabs(m.y[i]), fabs(y1))));
         most = fmax(most, 2.0f * HALF * fmax(fabs(m.w[i]), fabs(w1)));
-#ifdef TEST_EDGES
+#if TEST_EDGES()
         start[i] = scale * (double3)(q.x - x * q.w, q.y - y * q.w, q.w);
         end[i] = scale * (double3)(r.x - x * r.w, r.y - y * r.w, r.w);
 #endif
-#ifdef LENS
+#if LENS()
         float c1 = (float)(scale * r.circle);
         m.c[i] = (float)(scale * q.circle);
         m.dc[i] = c1 - m.c[i];
         most = fmax(most, fmax(fabs(m.c[i]), fabs(c1)));
 #endif
     }
-#ifdef TEST_EDGES
+#if TEST_EDGES()
     for (int i = 0; i < 3; i++) edge_over_time(start, end, i, m.edge[i]);
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     most += 2.0f * load_added(tile, path, scale, x, y, &m);
 #endif
     m.open = path.open, m.close = path.close, m.rate = 1.0f / path_length(path);
@@ -183,7 +184,7 @@ static Moving load_moving(const Tile *tile, uint index)
     m.near = bounds.near;
     m.path = index;
     m.single_sided = bounds.flags & BOUNDS_SINGLE_SIDED;
-#ifdef TRANSLUCENT
+#if TRANSLUCENT()
     m.alpha = path.alpha;
 #endif
     return m;
@@ -205,13 +206,13 @@ static INLINED Lanes3 vertex_at(const Moving *m, int i, const Samples *s, Lanes 
     p.z = fma(tau, (Lanes)(m->dw[i]), (Lanes)(m->w[i]));
     p.x = fma(tau, (Lanes)(m->dx[i]), (Lanes)(m->x[i]));
     p.y = fma(tau, (Lanes)(m->dy[i]), (Lanes)(m->y[i]));
-#ifdef GLOSSY
+#if GLOSSY()
     if (m->sheared) {
         p.x += sheared_by(m, 0, i, s, tau), p.y += sheared_by(m, 1, i, s, tau);
         p.z += sheared_by(m, 2, i, s, tau);
     }
 #endif
-#ifdef LENS
+#if LENS()
     Lanes circle = fma(tau, (Lanes)(m->dc[i]), (Lanes)(m->c[i]));
     p.x = fma(s->u, circle, p.x);
     p.y = fma(s->v, circle, p.y);
@@ -257,13 +258,13 @@ static INLINED LaneMask covered(const Moving *m, const Samples *s, LaneMask mask
     Lanes tau = time_in_segment(m, s->t);
     Lanes3 p[3];
     for (int i = 0; i < 3; i++) p[i] = vertex_at(m, i, s, tau);
-#ifdef TEST_EDGES
+#if TEST_EDGES()
     Lanes e0 = edge_at(m, 0, s, tau), e1 = edge_at(m, 1, s, tau), e2 = edge_at(m, 2, s, tau);
 #else
     Lanes e0 = edge_of(p[1], p[2]), e1 = edge_of(p[2], p[0]), e2 = edge_of(p[0], p[1]);
 #endif
     Lanes least = lanes_min(lanes_min(e0, e1), e2), most = lanes_max(lanes_max(e0, e1), e2);
-#ifdef SINGLE_SIDED
+#if SINGLE_SIDED()
     mask &= m->single_sided ? most <= 0.0f : (least >= 0.0f) | (most <= 0.0f);
 #else
     mask &= (least >= 0.0f) | (most <= 0.0f);

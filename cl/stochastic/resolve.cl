@@ -1,8 +1,9 @@
 // Stage "resolve": sums over a pixel's samples become the film's colour, alpha, depth and count.
+#include "shared/effects.h"
 #include "stochastic/tile_of_slabs.h"
 #include "shared/film.h" // after the pragma that forbids to contract
 
-#ifdef WEIGHTED
+#if WEIGHTED()
 // A filter with negative lobes: samples weigh its mass times their sign, and what a pixel's
 // samples lack of their number together is spread evenly.
 static void weigh(const Tile *tile, int pixel)
@@ -14,7 +15,7 @@ static void weigh(const Tile *tile, int pixel)
 }
 #endif
 
-#ifdef PATTERN_RGSS
+#if PATTERN_RGSS()
 
 // Keep all samples of the tile's pixels for the filter, which reaches into neighbours: colour, and
 // depth.
@@ -44,7 +45,7 @@ static void resolve(const Tile *tile, Frame frame, global const float *backgroun
         for (int x = tile->x_low; x < tile->x_high; x++) {
             int pixel = place_of_pixel(x, y);
             size_t out = (size_t)(tile->y + y - frame.y) * frame.width + (tile->x + x - frame.x);
-#ifdef WEIGHTED
+#if WEIGHTED()
             weigh(tile, pixel);
 #endif
             float4 sum = tile->color[pixel];

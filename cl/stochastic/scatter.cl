@@ -4,12 +4,13 @@
 // Sobol points are stratified in time and on the lens jointly: these are the first three dimensions
 // where there is a lens, time and place where there is none. Other patterns draw each effect's
 // coordinates on their own.
+#include "shared/effects.h"
 #include "stochastic/tile_of_slabs.h"
 #include "stochastic/scramble.h"
 #include "shared/lens.h"
 #include "shared/shutter.h"
 
-#ifdef LENS
+#if LENS()
 #define SHEAR_DIMENSION 3 // first of two of slices' points on the disc of glossy mirrors
 #else
 #define SHEAR_DIMENSION 1
@@ -35,7 +36,7 @@ static Seeds seeds_of(const Tile *tile, int block)
     return seeds;
 }
 
-#if defined(PATTERN_JITTERED) || defined(PATTERN_FIXED)
+#if PATTERN_JITTERED() || PATTERN_FIXED()
 // x modulo n: a quotient that is at most two too small comes from the reciprocal.
 static INLINED LaneUints modulo(LaneUints x, uint n)
 {
@@ -65,7 +66,7 @@ static INLINED LaneUints permuted(uint l, LaneUints seed, uint n)
 }
 #endif
 
-#ifdef PATTERN_JITTERED
+#if PATTERN_JITTERED()
 // A random point in sample l's cell of a grid over the unit square.
 static INLINED void jitter_in_cell(const Numbers *n, uint l, LaneUints seed_x, LaneUints seed_y,
                                    Lanes *x, Lanes *y)
@@ -83,13 +84,13 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 {
     Drawn d;
     d.u = d.v = d.a = d.b = 0.0f;
-#ifdef GLOSSY
+#if GLOSSY()
     d.a = hashed(l, seeds->a), d.b = hashed(l, seeds->b);
 #endif
     d.t = ((float)l + hashed(l, seeds->t)) * (1.0f / tile->scene.numbers.samples);
     d.x = d.y = 0.0f;
-#if defined(PATTERN_SOBOL)
-#ifdef LENS
+#if PATTERN_SOBOL()
+#if LENS()
     d.u = scrambled(sobol(l, 1), seeds->u);
     d.v = scrambled(sobol(l, 2), seeds->v);
     d.x = scrambled(sobol(l, 3), seeds->x);
@@ -97,18 +98,18 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 #else
     d.x = scrambled(sobol(l, 1), seeds->x);
     d.y = scrambled(sobol(l, 2), seeds->y);
-#ifdef GLOSSY // with a lens it is drawn at random
+#if GLOSSY() // with a lens it is drawn at random
     d.a = scrambled(sobol(l, 3), seeds->a), d.b = scrambled(sobol(l, 4), seeds->b);
 #endif
 #endif
-#elif defined(PATTERN_RANDOM)
+#elif PATTERN_RANDOM()
     d.t = hashed(l, seeds->t);
     d.x = hashed(l, seeds->x), d.y = hashed(l, seeds->y);
     d.u = hashed(l, seeds->u), d.v = hashed(l, seeds->v);
-#elif defined(PATTERN_JITTERED)
+#elif PATTERN_JITTERED()
     jitter_in_cell(&tile->scene.numbers, l, seeds->x, seeds->y, &d.x, &d.y);
     jitter_in_cell(&tile->scene.numbers, l, seeds->u, seeds->v, &d.u, &d.v);
-#elif defined(PATTERN_FIXED)
+#elif PATTERN_FIXED()
     uint slot[LANES];
     float x[LANES], y[LANES];
     lanes_store(permuted(l, seeds->x, tile->scene.numbers.samples), slot);
@@ -117,10 +118,10 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.x = lanes_load(x), d.y = lanes_load(y);
     d.u = scrambled(sobol(l, 1), seeds->u);
     d.v = scrambled(sobol(l, 2), seeds->v);
-#elif defined(PATTERN_INTERLEAVE_UVT)
+#elif PATTERN_INTERLEAVE_UVT()
     d.x = scrambled(sobol(l, 3), seeds->x);
     d.y = scrambled(sobol(l, 4), seeds->y);
-#elif defined(PATTERN_SLICES)
+#elif PATTERN_SLICES()
     // All pixels alike: sample l belongs to one of the slices' times and points of the lens.
     const uint slices = tile->scene.numbers.slices, each = tile->scene.numbers.samples / slices;
     const uint slice = l / each;
@@ -128,7 +129,7 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     Slot slot = tile->scene.slots[l % each];
     d.x = slot.x_low, d.y = slot.y_low;
     d.t = (float)slice;
-#ifdef SLICES_JITTERED
+#if SLICES_JITTERED()
     d.t += hashed(slice, frame);
 #else
     d.t += 0.5f;
@@ -136,7 +137,7 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.t *= 1.0f / slices;
     d.u = scrambled(sobol(slice, 1), frame + 1u);
     d.v = scrambled(sobol(slice, 2), frame * 5u);
-#ifdef GLOSSY
+#if GLOSSY()
     d.a = scrambled(sobol(slice, SHEAR_DIMENSION), frame * 7u);
     d.b = scrambled(sobol(slice, SHEAR_DIMENSION + 1), frame * 9u);
 #endif
@@ -144,7 +145,7 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     return d;
 }
 
-#ifdef PATTERN_RGSS
+#if PATTERN_RGSS()
 // Akenine-Moeller et al. 2007, 3.2: four samples on a rotated grid, sample l at a time in [l, l +
 // 1) / 4. Quads of 2 x 2 pixels share that time, which lies in the first half of its quarter or in
 // the second, as on a chess board; for l = 1, 2, 3 quads begin one pixel to the right, below, and
@@ -167,7 +168,7 @@ static INLINED void draw_rotated_grid(const Tile *tile, uint l, Lanes pixel_x, L
 }
 #endif
 
-#ifdef PATTERN_INTERLEAVE_UVT
+#if PATTERN_INTERLEAVE_UVT()
 // Fatahalian et al. 2009: four times as many pairs of a time and a lens point as a pixel has
 // samples, the same in every tile of 2 x 2 pixels; which of the tile's pixels has which pair is
 // drawn anew for each tile, within each four that follow one another in time.
@@ -200,25 +201,25 @@ static INLINED void draw_interleaved(const Tile *tile, uint l, Lanes pixel_x, La
 }
 #endif
 
-#ifdef SLICE_LINES
+#if SLICE_LINES()
 // Akenine-Moeller et al. 2007, 4.2 and 4.3: all samples of a slice look through one line across the
 // lens, and one across the disc of glossy mirrors, each at a place of its own, drawn in each pixel.
 static void draw_line(const Tile *tile, uint l, const Seeds *seeds, Drawn *d)
 {
     const uint slice = l / (tile->scene.numbers.samples / tile->scene.numbers.slices);
     LaneUints frame = (LaneUints)(mix_bits(tile->scene.numbers.seed + 13u));
-#ifdef LENS
+#if LENS()
     d->u = scrambled(sobol(slice, 1), frame + 1u);
     d->v = scrambled(sobol(l, 2), seeds->v);
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     d->a = scrambled(sobol(slice, SHEAR_DIMENSION), frame * 7u);
     d->b = scrambled(sobol(l, SHEAR_DIMENSION + 1), seeds->b);
 #endif
 }
 #endif
 
-#ifdef FILTER_TABLE
+#if FILTER_TABLE()
 // Where in the filter's reach the fraction `share` of its weight lies to the left.
 static INLINED Lanes warped_to_filter(const Tile *tile, Lanes share)
 {
@@ -236,7 +237,7 @@ static INLINED Lanes warped_to_filter(const Tile *tile, Lanes share)
 // From shares of the light that has passed to times of the shutter.
 static INLINED Lanes times_of_light(const Tile *tile, int block, Lanes passed)
 {
-#if defined(SHUTTER_CURVE) || defined(ROLLING)
+#if SHUTTER_CURVE() || ROLLING()
     float t[LANES];
     lanes_store(passed, t);
     for (int i = 0; i < LANES; i++) {
@@ -250,14 +251,14 @@ static INLINED Lanes times_of_light(const Tile *tile, int block, Lanes passed)
 #endif
 }
 
-#ifdef LENS
+#if LENS()
 static inline float2 lens_point(const Tile *tile, float u, float v)
 {
-#if defined(SLICE_LINES) && defined(BLADES)
+#if SLICE_LINES() && BLADES()
     return square_to_polygon_lines((float2)(u, v), &tile->scene.numbers);
-#elif defined(SLICE_LINES)
+#elif SLICE_LINES()
     return square_to_disc_lines((float2)(u, v));
-#elif defined(BLADES)
+#elif BLADES()
     return square_to_polygon((float2)(u, v), &tile->scene.numbers);
 #else
     return square_to_disc((float2)(u, v));
@@ -269,35 +270,36 @@ static inline float2 lens_point(const Tile *tile, float u, float v)
 static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds)
 {
     Drawn d = draw(tile, l, seeds);
-#ifdef PATTERN_RGSS
+#if PATTERN_RGSS()
     draw_rotated_grid(tile, l, block_x(block), block_y(block), &d);
 #endif
-#ifdef PATTERN_INTERLEAVE_UVT
+#if PATTERN_INTERLEAVE_UVT()
     draw_interleaved(tile, l, block_x(block), block_y(block), &d);
 #endif
-#ifdef SLICE_LINES
+#if SLICE_LINES()
     draw_line(tile, l, seeds, &d);
 #endif
-#ifdef FRAMELESS
-    // Every FRAMELESS-th pixel sees its part of the shutter only.
+#if FRAMELESS()
+    // Every FRAMELESS_PIXELS-th pixel sees its part of the shutter only.
     LaneInts x = to_lane_ints(block_x(block)) + tile->x, y = to_lane_ints(block_y(block)) + tile->y;
-    LaneInts phase = (x + FRAMELESS_STEP * y) % FRAMELESS;
-    d.t = (to_lanes(phase < 0 ? phase + FRAMELESS : phase) + d.t) * (1.0f / FRAMELESS);
+    LaneInts phase = (x + FRAMELESS_STEP * y) % FRAMELESS_PIXELS;
+    phase = phase < 0 ? phase + FRAMELESS_PIXELS : phase;
+    d.t = (to_lanes(phase) + d.t) * (1.0f / FRAMELESS_PIXELS);
 #endif
     return d;
 }
 
-#ifdef REORDERED
+#if REORDERED()
 // What samples of a pixel are ordered by, so that those of a slab are alike: time; the lens, along
 // a Z-shaped curve of its cells; or both.
 static INLINED LaneUints order_key(const Numbers *n, Lanes t, Lanes u, Lanes v)
 {
-#ifdef LENS
+#if LENS()
     LaneUints a = to_lane_uints(u * 16.0f), b = to_lane_uints(v * 16.0f), key = 0u;
     const int groups = (n->samples + n->layers - 1) / n->layers;
     LaneUints c = to_lane_uints(clamp(t, 0.0f, 0.9999f) * (16.0f * groups)) & 15u;
     for (int bit = 3; bit >= 0; bit--) {
-#ifdef MOVING
+#if MOVING()
         key = key << 1 | (c >> bit & 1u);
 #endif
         key = key << 1 | (a >> bit & 1u);
@@ -321,12 +323,12 @@ static void rank_samples(const LaneUints *keys, int slabs, LaneInts *ranks)
 }
 #endif
 
-#ifdef GLOSSY
+#if GLOSSY()
 // The point of lane i on the disc of glossy mirrors.
 static inline void store_shear(const Tile *tile, int index, const Drawn *d, int i)
 {
     float2 square = (float2)(LANE(float, d->a, i), LANE(float, d->b, i));
-#ifdef SLICE_LINES
+#if SLICE_LINES()
     float2 point = square_to_disc_lines(square);
 #else
     float2 point = square_to_disc(square);
@@ -339,7 +341,7 @@ static void scatter_block(const Tile *tile, int block)
 {
     Seeds seeds = seeds_of(tile, block);
     Lanes left = block_x(block) - (float)HALF, top = block_y(block) - (float)HALF;
-#ifdef REORDERED
+#if REORDERED()
     LaneUints keys[MOST_SLABS];
     LaneInts ranks[MOST_SLABS];
     for (int k = 0; k < tile->slabs; k++) {
@@ -350,22 +352,22 @@ static void scatter_block(const Tile *tile, int block)
 #endif
     for (int k = 0; k < tile->slabs; k++) {
         Drawn d = draw_sample(tile, block, tile->group + k, &seeds);
-#ifdef FILTER_TABLE
+#if FILTER_TABLE()
         d.x = warped_to_filter(tile, d.x), d.y = warped_to_filter(tile, d.y);
 #endif
         d.x += left, d.y += top;
         d.t = times_of_light(tile, block, d.t);
         int index = sample_index(k, block);
-#ifdef REORDERED
+#if REORDERED()
         for (int i = 0; i < LANES; i++) {
             int to = sample_index(LANE(int, ranks[k], i), block) + i;
             tile->xs[to] = LANE(float, d.x, i), tile->ys[to] = LANE(float, d.y, i);
             tile->ts[to] = LANE(float, d.t, i);
-#ifdef LENS
+#if LENS()
             float2 point = lens_point(tile, LANE(float, d.u, i), LANE(float, d.v, i));
             tile->us[to] = point.x, tile->vs[to] = point.y;
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
             store_shear(tile, to, &d, i);
 #endif
         }
@@ -373,7 +375,7 @@ static void scatter_block(const Tile *tile, int block)
         lanes_store(d.x, tile->xs + index);
         lanes_store(d.y, tile->ys + index);
         lanes_store(d.t, tile->ts + index);
-#ifdef GLOSSY
+#if GLOSSY()
         for (int i = 0; i < LANES; i++) store_shear(tile, index + i, &d, i);
 #endif
 #endif
@@ -398,7 +400,7 @@ static void scatter(Tile *tile)
         bool used = k < tile->slabs;
         tile->t_low[k] = 2.0f, tile->t_high[k] = -1.0f;
         if (used) bound_values(tile->ts, k, tile->t_low + k, tile->t_high + k);
-#ifdef LENS
+#if LENS()
         tile->u_low[k] = tile->v_low[k] = tile->u_high[k] = tile->v_high[k] = 0.0f;
         if (used) bound_values(tile->us, k, tile->u_low + k, tile->u_high + k);
         if (used) bound_values(tile->vs, k, tile->v_low + k, tile->v_high + k);
@@ -407,7 +409,7 @@ static void scatter(Tile *tile)
     }
     for (int k = 0; k < tile->slabs; k++)
         lanes_store((Lanes)(INFINITY), tile->block_far + k * BLOCKS);
-#ifdef ZMIN
+#if ZMIN()
     for (int k = 0; k < tile->slabs; k++)
         lanes_store((Lanes)(INFINITY), tile->block_near + k * BLOCKS);
 #endif

@@ -5,12 +5,13 @@
 // pixel that see the same triangle, at their mean place and time, as multisampling does
 // (SHADE_PIXEL; with SHADE_HYBRID only what does not move, Akenine-Moeller et al. 2007, 5). Samples
 // are points, which is why textures are read at their finest level.
+#include "shared/effects.h"
 #include "stochastic/surface_at_samples.h"
 
 // Sign of the filter's weight at a sample: only one with negative lobes has two.
 static inline float sign_of_sample(const Tile *tile, int index, int pixel)
 {
-#ifdef WEIGHTED
+#if WEIGHTED()
     int at = pixel_of(pixel / LANES, pixel % LANES);
     float x = fabs(tile->xs[index] + HALF - at % TILE - 0.5f);
     float y = fabs(tile->ys[index] + HALF - at / TILE - 0.5f);
@@ -28,19 +29,19 @@ static inline void add_sample(Tile *tile, int index, float4 color)
     tile->color[pixel] += color;
     tile->depth[pixel] += depth;
     tile->count[pixel] += color.w > 0.0f;
-#ifdef WEIGHTED
+#if WEIGHTED()
     float sign = sign_of_sample(tile, index, pixel);
     tile->signed_color[pixel] += sign * color;
     tile->signed_depth[pixel] += sign * depth;
     tile->sign_sum[pixel] += sign;
 #endif
-#ifdef PATTERN_RGSS
+#if PATTERN_RGSS()
     tile->sample_colors[index] = color;
     tile->sample_depths[index] = depth;
 #endif
 }
 
-#ifdef VARYING
+#if VARYING()
 
 // The samples of `list`, the last one repeated where there are fewer than sixteen; w is their
 // depth.
@@ -55,11 +56,11 @@ static Samples gather_listed(const Tile *tile, const int *list, int count, Lanes
     GATHER(s.y, tile->ys)
     GATHER(s.t, tile->ts)
     GATHER(*w, tile->zs)
-#ifdef LENS
+#if LENS()
     GATHER(s.u, tile->us)
     GATHER(s.v, tile->vs)
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     GATHER(s.a, tile->as)
     GATHER(s.b, tile->bs)
 #endif
@@ -70,9 +71,9 @@ static Samples gather_listed(const Tile *tile, const int *list, int count, Lanes
 // Whether the samples of a pixel that see the path share one colour.
 static inline bool shaded_once(const Shaded *s)
 {
-#if defined(SHADE_PIXEL)
+#if SHADE_PIXEL()
     return true;
-#elif defined(SHADE_HYBRID)
+#elif SHADE_HYBRID()
     return s->path.step == 0u;
 #else
     return false;
@@ -89,12 +90,12 @@ static Samples mean_of_listed(const Tile *tile, const int *list, int count, Lane
     }
     Samples mean;
     mean.x = x * over, mean.y = y * over, mean.t = t * over;
-#ifdef LENS
+#if LENS()
     float u = 0.0f, v = 0.0f;
     for (int i = 0; i < count; i++) u += tile->us[list[i]], v += tile->vs[list[i]];
     mean.u = u * over, mean.v = v * over;
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
     float a = 0.0f, b = 0.0f;
     for (int i = 0; i < count; i++) a += tile->as[list[i]], b += tile->bs[list[i]];
     mean.a = a * over, mean.b = b * over;
@@ -151,7 +152,7 @@ static void color_pixel(Tile *tile, int pixel, Surface *surface, float4 *colors)
     }
 }
 
-#ifdef MIRRORS
+#if MIRRORS()
 // Add what is seen in mirrors to the colours of a pixel's samples.
 static void color_mirrored(Tile *tile, int pixel, Surface *surface, float4 *colors)
 {
@@ -171,7 +172,7 @@ static void shade(Tile *tile)
     float4 colors[MOST_SLABS];
     for (int pixel = 0; pixel < SLAB; pixel++) {
         color_pixel(tile, pixel, &surface, colors);
-#ifdef MIRRORS
+#if MIRRORS()
         if (tile->has_mirrors) color_mirrored(tile, pixel, &surface, colors);
 #endif
         for (int slab = 0; slab < tile->slabs; slab++)
@@ -185,7 +186,7 @@ static void shade(Tile *tile)
 {
     for (int index = 0; index < tile->slabs * SLAB; index++) {
         float4 color = path_color(tile, tile->owners[index]);
-#ifdef MIRRORS
+#if MIRRORS()
         if (tile->has_mirrors)
             color = with_mirrored(tile, index, color, path_color(tile, tile->mirror_owners[index]));
 #endif

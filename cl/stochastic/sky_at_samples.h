@@ -2,6 +2,7 @@
 #ifndef MB_SKY_AT_SAMPLES_H
 #define MB_SKY_AT_SAMPLES_H
 
+#include "shared/effects.h"
 #include "shared/gaze.h"
 #include "stochastic/tile_of_slabs.h"
 
@@ -10,10 +11,10 @@ static inline void add_light(Tile *tile, int index, float4 light)
 {
     int pixel = index % SLAB;
     tile->color[pixel] += light;
-#ifdef WEIGHTED
+#if WEIGHTED()
     tile->signed_color[pixel] += sign_of_sample(tile, index, pixel) * light;
 #endif
-#ifdef PATTERN_RGSS
+#if PATTERN_RGSS()
     tile->sample_colors[index] = light;
 #endif
 }
@@ -26,7 +27,7 @@ static void add_sky(Tile *tile)
         if (!any) continue;
         Gaze gaze = {load(tile->xs, index) + (float)(tile->x + HALF),
                      load(tile->ys, index) + (float)(tile->y + HALF)};
-#ifdef LENS
+#if LENS()
         gaze.u = load(tile->us, index), gaze.v = load(tile->vs, index);
 #endif
         Lanes3 light = sky_light(&tile->scene, sky_ways(&tile->scene, &gaze,

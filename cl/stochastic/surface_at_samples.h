@@ -2,17 +2,14 @@
 #ifndef MB_SURFACE_AT_SAMPLES_H
 #define MB_SURFACE_AT_SAMPLES_H
 
+#include "shared/effects.h"
 #include "stochastic/moving.h"
 #include "shared/attributes.h"
-#ifdef COUNT_TEXELS
+#if COUNT_TEXELS()
 #include "stochastic/texels.h"
 #endif
-#ifdef SHADOWS
+#if SHADOWS()
 #include "stochastic/lights.h"
-#endif
-
-#if defined(LIT) || defined(TEXTURED) || defined(VERTEX_COLOR)
-#define VARYING
 #endif
 
 // Colour of a path where it does not vary, and alpha 1; nothing of NONE.
@@ -21,7 +18,7 @@ static inline float4 path_color(const Tile *tile, uint path)
     return path == NONE ? (float4)(0.0f) : (float4)(load3(tile->scene.paths[path].color), 1.0f);
 }
 
-#ifdef VARYING
+#if VARYING()
 
 // A path whose colour varies: ready to be asked for sixteen samples.
 typedef struct {
@@ -42,7 +39,7 @@ static void load_surface(const Tile *tile, uint path, Surface *surface)
     s->place.x = tile->x + HALF, s->place.y = tile->y + HALF, s->place.u = s->place.v = 0.0f;
     surface->moving = load_moving(tile, path);
     load_corners(&tile->scene, s);
-#ifdef LIT
+#if LIT()
     load_view(&tile->scene, s);
 #endif
 }
@@ -74,39 +71,39 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
     Attributes a = surface_attributes(surface, samples);
     float4 base = path_color(tile, surface->path);
     Lanes3 color = {base.x * a.color.x, base.y * a.color.y, base.z * a.color.z};
-#ifdef TEXTURED
+#if TEXTURED()
     if (s->material.texture != NONE) {
         Texture texture = tile->scene.textures[s->material.texture];
-#ifdef COUNT_TEXELS
+#if COUNT_TEXELS()
         count_texels(tile, texture, a.u, a.v, count);
 #endif
         Colors texel = texture_at(tile->scene.texels, texture, &a.u, &a.v, 0.0f, count);
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
         texel = unpremultiplied(texel);
 #endif
         color.x *= texel.x, color.y *= texel.y, color.z *= texel.z;
     }
 #endif
-#ifdef LIT
+#if LIT()
     if (s->material.flags & MATERIAL_LIT) {
         Lanes w = lanes_min(lanes_max(*depth, (Lanes)(1e-30f)), (Lanes)(1e30f));
         Sight sight = {samples->t, w, samples->x, samples->y};
-#ifdef SHADOWS
+#if SHADOWS()
         light_at_samples(tile, surface->path, samples, a.lit);
 #endif
-#ifdef LENS
+#if LENS()
         sight.across -= samples->u * a.circle / w, sight.down -= samples->v * a.circle / w;
 #endif
-#ifdef GLOSSY
+#if GLOSSY()
         const float middle_x = tile->x + HALF, middle_y = tile->y + HALF;
         undo_shear(s, &a, samples->a, samples->b, samples->x + middle_x, samples->y + middle_y,
                    &sight);
 #endif
-#ifdef METALLIC
+#if METALLIC()
         load_gloss(&tile->scene, s, &a, 0.0f, count);
 #endif
         color = reflect_light(&tile->scene, s, &a, color, &sight, count);
-#ifdef EMISSION
+#if EMISSION()
         color = with_emission(&tile->scene, s, &a, color, 0.0f, count);
 #endif
     }
@@ -115,13 +112,13 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
     return colors;
 }
 
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
 // Alpha of the surface at samples that it covers.
 static INLINED Lanes alpha_at_samples(Tile *tile, const Surface *surface, const Samples *samples)
 {
     const Shaded *s = &surface->shaded;
     Attributes a = surface_attributes(surface, samples);
-#ifdef COUNT_TEXELS
+#if COUNT_TEXELS()
     if (s->material.texture != NONE)
         count_texels(tile, tile->scene.textures[s->material.texture], a.u, a.v, LANES);
 #endif

@@ -2,9 +2,10 @@
 #ifndef MB_TEST_H
 #define MB_TEST_H
 
+#include "shared/effects.h"
 #include "stochastic/moving.h"
 #include "stochastic/mirror_samples.h"
-#ifdef TRANSLUCENT
+#if TRANSLUCENT()
 #include "stochastic/surface_at_samples.h"
 
 // Samples at which what is translucent is there: each surface with its alpha's probability, drawn
@@ -15,7 +16,7 @@ static INLINED LaneMask there_by_chance(Tile *tile, const Moving *m, const Sampl
 {
     if (!(m->alpha < 1.0f)) return mask;
     Lanes alpha = m->alpha;
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     if (m->alpha < 0.0f && any_lane(mask)) {
         Surface surface;
         load_surface(tile, m->path, &surface);
@@ -37,10 +38,10 @@ static INLINED void test_samples(Tile *tile, const Moving *m, int slab, int bloc
     Lanes depth;
     COUNT(tile, tests, mask);
     mask = covered(m, &samples, mask, &depth);
-#ifdef MIRRORS
+#if MIRRORS()
     mask = seen_in_mirror(tile, m->path, index, mask, depth);
 #endif
-#ifdef TRANSLUCENT
+#if TRANSLUCENT()
     mask = there_by_chance(tile, m, &samples, slab, block, mask);
 #endif
     COUNT(tile, hits, mask);
@@ -55,7 +56,7 @@ static INLINED void test_samples(Tile *tile, const Moving *m, int slab, int bloc
     lanes_store(nearest, tile->zs + index);
     lanes_store(mask ? (LaneUints)(m->path) : owner, tile->owners + index);
     tile->block_far[slab * BLOCKS + block] = lanes_greatest(nearest);
-#ifdef ZMIN
+#if ZMIN()
     tile->block_near[slab * BLOCKS + block] = lanes_least(nearest);
 #endif
 }

@@ -1,11 +1,12 @@
 // The stochastic path, tile by tile. Each work-item takes tiles from a queue until it is empty and
 // runs the stages on them in order: scatter, sample, shade for one group of slabs after the other,
 // then resolve.
+#include "shared/effects.h"
 #include "stochastic/tile_of_slabs.h"
 #include "stochastic/scatter.cl"
 #include "stochastic/cull/cull.h"
 #include "stochastic/shade.cl"
-#ifdef SKY
+#if SKY()
 #include "stochastic/sky_at_samples.h"
 #endif
 #include "stochastic/resolve.cl"
@@ -13,7 +14,7 @@
 // What a work-item counts: ticks of each stage, then its statistics.
 enum { SCATTER, SAMPLE, SHADE, RESOLVE, STATISTICS_FIRST, COUNTERS = STATISTICS_FIRST + 8 };
 
-#ifdef CLANG_BUILTINS
+#if CLANG_BUILTINS()
 #define TICKS() __builtin_readcyclecounter()
 #else
 #define TICKS() 0ul
@@ -33,12 +34,12 @@ static void render_tile(Tile *tile, global ulong *ticks)
         tile->color[i] = 0.0f;
         tile->depth[i] = 0.0f;
         tile->count[i] = 0u;
-#ifdef WEIGHTED
+#if WEIGHTED()
         tile->signed_color[i] = 0.0f;
         tile->signed_depth[i] = tile->sign_sum[i] = 0.0f;
 #endif
     }
-#ifdef COUNT_TEXELS
+#if COUNT_TEXELS()
     for (int i = 0; i < CACHE_SETS; i++)
         for (int k = 0; k < CACHE_WAYS; k++) tile->texel_cache[i][k] = 0;
 #endif
@@ -49,7 +50,7 @@ static void render_tile(Tile *tile, global ulong *ticks)
         scatter(tile);
         clocked(SCATTER, ticks, &clock);
         sample(tile);
-#ifdef MIRRORS
+#if MIRRORS()
         tile->has_mirrors = find_mirrors(tile);
         if (tile->has_mirrors) {
             enter_mirrors(tile);
@@ -59,7 +60,7 @@ static void render_tile(Tile *tile, global ulong *ticks)
 #endif
         clocked(SAMPLE, ticks, &clock);
         shade(tile);
-#ifdef SKY
+#if SKY()
         add_sky(tile);
 #endif
         clocked(SHADE, ticks, &clock);
@@ -92,26 +93,26 @@ kernel void tile(
     global float *sample_u, global float *sample_v,
     global float *sample_depth, global uint *sample_owner,
     global float4 *pixel_color, global float *pixel_depth, global uint *pixel_seen,
-#ifdef GLOSSY
+#if GLOSSY()
     global float *sample_a, global float *sample_b,
 #endif
-#ifdef MIRRORS
+#if MIRRORS()
     global float *sample_mirror_depth, global uint *sample_mirror_owner,
 #endif
-#ifdef WEIGHTED
+#if WEIGHTED()
     global float4 *pixel_signed_color, global float *pixel_signed_depth, global float *pixel_signs,
 #endif
-#ifdef PATTERN_RGSS
+#if PATTERN_RGSS()
     global float4 *kept_color, global float *kept_depth,
 #endif
-#ifdef SHADOWS
+#if SHADOWS()
     global const Vertex *world, global const ShadowLight *shadow_lights,
     global const TreeNode *tree, global const uint *leaves, global const LightView *light_views,
-#ifdef SHADOW_MAP
+#if SHADOW_MAP()
     global const float *shadow_map,
 #endif
 #endif
-#ifdef CUBE_MAPS
+#if CUBE_MAPS()
     global const CubeMap *maps, global const float4 *map_texels, global const Sky *sky,
     global const MirrorPlane *mirror_planes,
 #endif
@@ -126,7 +127,7 @@ kernel void tile(
             .vertex_colors = vertex_colors, .uvs = uvs, .normals = normals,
             .textures = textures, .texels = texels, .lights = lights, .cameras = cameras,
             .slots = slots, .filter = filter, .shutter = shutter,
-#ifdef CUBE_MAPS
+#if CUBE_MAPS()
             .maps = maps, .map_texels = map_texels, .sky = sky, .mirror_planes = mirror_planes,
 #endif
         },
@@ -136,31 +137,31 @@ kernel void tile(
         .us = sample_u + samples, .vs = sample_v + samples,
         .zs = sample_depth + samples, .owners = sample_owner + samples,
         .color = pixel_color + pixels, .depth = pixel_depth + pixels, .count = pixel_seen + pixels,
-#ifdef GLOSSY
+#if GLOSSY()
         .as = sample_a + samples, .bs = sample_b + samples,
 #endif
-#ifdef MIRRORS
+#if MIRRORS()
         .mirror_zs = sample_mirror_depth + samples,
         .mirror_owners = sample_mirror_owner + samples,
         .film = frame, .background = background,
 #endif
-#ifdef WEIGHTED
+#if WEIGHTED()
         .signed_color = pixel_signed_color + pixels, .signed_depth = pixel_signed_depth + pixels,
         .sign_sum = pixel_signs + pixels,
 #endif
-#ifdef PATTERN_RGSS
+#if PATTERN_RGSS()
         .sample_colors = kept_color + numbers.samples * pixels,
         .sample_depths = kept_depth + numbers.samples * pixels,
 #endif
-#ifdef SHADOWS
+#if SHADOWS()
         .occluders = {world, paths, tree, leaves, numbers.leaf_nodes},
         .shadow_lights = shadow_lights, .light_views = light_views,
-#ifdef SHADOW_MAP
+#if SHADOW_MAP()
         .shadow_map = shadow_map,
 #endif
 #endif
     };
-#ifdef SHADOWS
+#if SHADOWS()
     tile.occluders.scene = &tile.scene;
 #endif
     counters += worker * COUNTERS;

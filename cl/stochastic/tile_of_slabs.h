@@ -5,21 +5,14 @@
 // holds one sample of every pixel, all from a short stretch of time and, with a lens, a small part
 // of it. Slabs are worked on some at a time, so that they stay in cache. Coordinates are relative
 // to the middle of the tile, so that float32 is exact where it matters.
-//
-// The plan defines: the pattern (PATTERN_RANDOM ...), the test
-// (TEST_EDGES or none), the culling method (CULL_BBOX ...), and a macro for each effect that the
-// scene calls for: MOVING, LENS, SINGLE_SIDED, PHONG, METALLIC, EMISSION, POINT_LIGHTS,
-// SPOT_LIGHTS, TEXTURED, VERTEX_COLOR, FACE_COLOR, BACKGROUND_IMAGE, TRANSPARENT, BLADES,
-// FILTER_TABLE, WEIGHTED, SHUTTER_CURVE, ROLLING, ROLLING_COLUMNS, TRANSLUCENT, ALPHA_VARIES,
-// VERTEX_ALPHA, SHADOWS (how many lights cast them), with SHADOW_MAP if they are looked up,
-// MIRRORS, GLOSSY, ENVIRONMENT, SKY, REFLECTIONS, STATISTICS. Other numbers are in `Numbers`.
 #ifndef MB_TILE_OF_SLABS_H
 #define MB_TILE_OF_SLABS_H
 
+#include "shared/effects.h"
 #include "shared/scene.h"
 #include "shared/vectors.h"
 #include "stochastic/scramble.h"
-#ifdef SHADOWS
+#if SHADOWS()
 #include "stochastic/trace.h"
 #endif
 
@@ -30,16 +23,6 @@
 #define BLOCKS 16
 #define HALF (TILE / 2)
 #define SLAB (BLOCKS * LANES) // samples of a slab
-#ifndef MOST_SLABS
-#define MOST_SLABS 64 // that are worked on at a time
-#endif
-
-#if defined(CULL_ZMIN) || defined(CULL_ZMIN_STRATA)
-#define ZMIN
-#endif
-#ifdef CULL_ZMIN_STRATA
-#define ZMIN_STRATA
-#endif
 
 // Pixels whose tiles were bounded; samples that were looked at, passed each stage of culling, were
 // tested, were hit, and were compared in depth; texels that were asked for, and lines of them that
@@ -48,13 +31,12 @@ typedef struct {
     ulong bounded, visited, stage1, tests, hits, depth_tests, texels, texel_lines;
 } Statistics;
 
-#if defined(STATISTICS) && defined(TEXTURED)
-#define COUNT_TEXELS
+#if COUNT_TEXELS()
 #define CACHE_SETS 16
 #define CACHE_WAYS 6
 #endif
 
-#ifdef STATISTICS
+#if STATISTICS()
 #define COUNT(tile, what, mask) (tile)->statistics.what += count_lanes(mask)
 #else
 #define COUNT(tile, what, mask)
@@ -62,7 +44,7 @@ typedef struct {
 
 typedef struct {
     Scene scene;
-#ifdef SHADOWS
+#if SHADOWS()
     Occluders occluders;
     global const ShadowLight *shadow_lights;
     global const LightView *light_views;
@@ -84,12 +66,12 @@ typedef struct {
     // Of each sample of the group:
     global float *xs, *ys, *ts;
     global float *us, *vs;       // on the lens
-#ifdef GLOSSY
+#if GLOSSY()
     global float *as, *bs;       // on the disc of glossy mirrors
 #endif
     global float *zs;            // depth of the nearest surface so far
     global uint *owners;         // its path, or NONE
-#ifdef MIRRORS
+#if MIRRORS()
     global float *mirror_zs;     // likewise of what is seen in mirrors; while that is sampled, the
     global uint *mirror_owners;  // two have changed places
     bool in_mirrors;             // that is sampled
@@ -99,27 +81,27 @@ typedef struct {
 #endif
     // Of each slab of the group:
     float t_low[MOST_SLABS], t_high[MOST_SLABS];
-#ifdef LENS
+#if LENS()
     float u_low[MOST_SLABS], u_high[MOST_SLABS], v_low[MOST_SLABS], v_high[MOST_SLABS];
 #endif
     float far[MOST_SLABS];            // greatest depth of any of its samples, or more
     float block_far[MOST_SLABS * BLOCKS];  // likewise of each of its blocks
-#ifdef ZMIN
+#if ZMIN()
     float block_near[MOST_SLABS * BLOCKS]; // least depth of any of its samples
 #endif
     Statistics statistics;
-#ifdef COUNT_TEXELS
+#if COUNT_TEXELS()
     uint texel_cache[CACHE_SETS][CACHE_WAYS];
 #endif
     global float4 *color;        // per pixel: sums over samples, alpha last
     global float *depth;
     global uint *count;          // samples that see something
-#ifdef WEIGHTED
+#if WEIGHTED()
     global float4 *signed_color; // likewise, each sample with the filter's sign
     global float *signed_depth;
     global float *sign_sum;
 #endif
-#ifdef PATTERN_RGSS
+#if PATTERN_RGSS()
     global float4 *sample_colors; // of the tile's samples, slab by slab
     global float *sample_depths;  // times alpha
 #endif

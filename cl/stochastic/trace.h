@@ -7,6 +7,7 @@
 #ifndef MB_TRACE_H
 #define MB_TRACE_H
 
+#include "shared/effects.h"
 #include "shared/attributes.h"
 #include "shared/vectors.h"
 
@@ -109,7 +110,7 @@ static INLINED Lanes passed_share(const Occluders *o, uint index, const Rays *r,
                                   const LaneDoubles *shares)
 {
     Path path = o->paths[index];
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
     if (path.alpha < 0.0f) {
         LaneDoubles sum = (shares[0] + shares[1]) + shares[2];
         Lanes tau = (r->t - path.open) / path_length(path), weights[6];

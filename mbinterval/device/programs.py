@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from mbinterval.device.kernel_effects import effect_options
 from mbinterval.device.opencl import opencl, start
 from mbinterval.device.pocl_cpu import name_cpu
 from mbinterval.device.sources import include_folder, kernel_root, source_digest
@@ -82,7 +83,7 @@ class Programs:
         cl = opencl()
         flags = ["-cl-std=CL1.2", "-cl-kernel-arg-info", "-I", include_folder(), *options]
         if self.has_clang_builtins:
-            flags.append("-DCLANG_BUILTINS")
+            flags += effect_options(("CLANG_BUILTINS",))
         with _building:
             try:
                 with warnings.catch_warnings(record=True) as caught:

@@ -1,10 +1,11 @@
 // Texture look-ups, reflected light and powers, one after the other.
+#include "shared/effects.h"
 #include "shared/textures.h"
 #include "shared/shading.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
-#ifdef ALPHA_VARIES
+#if ALPHA_VARIES()
 kernel void lookups(global const float4 *texels, global const Texture *textures,
                     global const float *uvs, global const float *levels, uint count,
                     global float *colors)
@@ -17,7 +18,7 @@ kernel void lookups(global const float4 *texels, global const Texture *textures,
 }
 #endif
 
-#ifdef ANISOTROPY
+#if ANISOTROPY()
 kernel void footprints(global const float4 *texels, global const Texture *textures,
                        global const float *given, uint count, int most, global float *colors)
 {

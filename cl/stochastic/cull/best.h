@@ -5,6 +5,7 @@
 // al. 2007, 3.4).
 //
 // Operations: slab 158 (218), block 1.
+#include "shared/effects.h"
 #include "stochastic/test.h"
 
 // For sixteen slabs: blocks that the triangle may touch, and the least depth that it may have.
@@ -33,18 +34,18 @@ static void touched_by(const Tile *tile, const Moving *m, int first, Touched *ou
             Lanes w = m->w[i] + tau * m->dw[i], over = 1.0f / w, slack = m->slack * over + 1e-3f;
             Lanes x = (m->x[i] + tau * m->dx[i]) * over, y = (m->y[i] + tau * m->dy[i]) * over;
             Lanes slack_y = slack;
-#ifdef GLOSSY
+#if GLOSSY()
             if (m->sheared) {
                 Spread spread = spread_over_time(m->first + i, m->last + i, tau, x, y, w);
                 slack = m->slack / spread.least + 1e-3f;
-#ifdef LENS
+#if LENS()
                 slack += fabs(m->c[i] + tau * m->dc[i]) / spread.least;
 #endif
                 slack_y = slack + spread.down, slack += spread.across, w = spread.least;
             }
 #endif
             near = lanes_min(near, w);
-#ifdef LENS
+#if LENS()
             Lanes circle = (m->c[i] + tau * m->dc[i]) * over;
             Lanes a = circle * lanes_load(tile->u_low + first);
             Lanes b = circle * lanes_load(tile->u_high + first);

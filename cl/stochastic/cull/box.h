@@ -2,6 +2,7 @@
 #ifndef MB_BOX_H
 #define MB_BOX_H
 
+#include "shared/effects.h"
 #include "stochastic/test.h"
 
 // Pixels from the middle of the tile.
@@ -48,7 +49,7 @@ static Box screen_box(const Moving *m, const Stratum *s)
         float x = m->x[i] + t * m->dx[i], y = m->y[i] + t * m->dy[i];
         w[k] = m->w[i] + t * m->dw[i];
         x_low[k] = x_high[k] = x, y_low[k] = y_high[k] = y;
-#ifdef LENS
+#if LENS()
         float c = m->c[i] + t * m->dc[i];
         x_low[k] += fmin(c * s->u[0], c * s->u[1]), x_high[k] += fmax(c * s->u[0], c * s->u[1]);
         y_low[k] += fmin(c * s->v[0], c * s->v[1]), y_high[k] += fmax(c * s->v[0], c * s->v[1]);
@@ -62,10 +63,6 @@ static Box screen_box(const Moving *m, const Stratum *s)
 
 // Tiles of CULL_TILE x CULL_TILE pixels: the middle of each lane's, and half of what its samples
 // span.
-#ifndef CULL_TILE
-#define CULL_TILE 1
-#endif
-
 static INLINED Lanes tile_middle(const Tile *tile, Lanes pixel)
 {
     Lanes first = floor(pixel * (1.0f / CULL_TILE)) * CULL_TILE;

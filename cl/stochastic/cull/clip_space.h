@@ -12,6 +12,7 @@
 // times outside of [0, 1] and covers it all the same; and there are poles: see clip_space_printed.
 //
 // Operations: path 198 (276), tile 412 (602), sample 20 (24).
+#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -24,7 +25,7 @@ typedef struct {
 } Line;
 
 typedef struct {
-#ifdef LENS
+#if LENS()
     Lanes low[2], high[2]; // of u and v
 #endif
     Line lines[4];
@@ -54,13 +55,13 @@ static INLINED void relative_to(const Moving *m, const float *p, const float *dp
         Lanes middle = x - place * w;
         r->least[k] = middle - more, r->most[k] = middle + more;
         r->circle[k] = 0.0f;
-#ifdef LENS
+#if LENS()
         r->circle[k] = m->c[i] + t * m->dc[i];
 #endif
     }
 }
 
-#ifdef LENS
+#if LENS()
 // Stage I: leave out the ends of [-1, 1] at which all of a[k] + u c[k] are above zero.
 static void leave_out_above(const Lanes *a, const float *c, float sign, Lanes *low, Lanes *high)
 {
@@ -126,7 +127,7 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
         Relative r;
         if (axis == 0) relative_to(m, m->x, m->dx, x, size, &r);
         else relative_to(m, m->y, m->dy, y, size, &r);
-#ifdef LENS
+#if LENS()
         b->low[axis] = -1.0f, b->high[axis] = 1.0f;
         leave_out_above(r.least, r.circle, 1.0f, b->low + axis, b->high + axis);
         leave_out_above(r.most, r.circle, -1.0f, b->low + axis, b->high + axis);
@@ -142,7 +143,7 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
                                      const Bounded *b, const Samples *s, Lanes tau, int slab,
                                      LaneMask mask)
 {
-#ifdef LENS
+#if LENS()
     mask &= (s->u >= b->low[0]) & (s->u <= b->high[0]) & (s->v >= b->low[1]) & (s->v <= b->high[1]);
     Lanes lens[2] = {s->u, s->v};
 #else

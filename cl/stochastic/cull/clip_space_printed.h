@@ -7,6 +7,7 @@
 // each corner's bounds are those at both sides of the pixel.
 //
 // Operations: path 198 (276), tile 284 (368), sample 16 (20).
+#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -15,7 +16,7 @@ typedef struct {
 } Cull;
 
 typedef struct {
-#ifdef LENS
+#if LENS()
     Lanes lens_low[2], lens_high[2];
 #endif
     Lanes t_low[2][2], t_high[2][2]; // [axis][u = -1, 1]
@@ -37,7 +38,7 @@ static INLINED void add_corner(const Moving *m, int i, const float *p, const flo
 {
     Lanes a0 = p[i] - place * m->w[i], a1 = p[i] + dp[i] - place * (m->w[i] + m->dw[i]);
     float c0 = 0.0f, c1 = 0.0f;
-#ifdef LENS
+#if LENS()
     c0 = m->c[i], c1 = m->c[i] + m->dc[i];
     Lanes u0 = -a0 / c0, u1 = -a1 / c1;
     b->lens_low[axis] = lanes_min(b->lens_low[axis], lanes_min(u0, u1));
@@ -61,7 +62,7 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
     LaneMask in = tiles_in_path_box(tile, &cull->box, block);
     if (!any_lane(in)) return in;
     for (int axis = 0; axis < 2; axis++) {
-#ifdef LENS
+#if LENS()
         b->lens_low[axis] = INFINITY, b->lens_high[axis] = -INFINITY;
 #endif
         for (int k = 0; k < 2; k++) b->t_low[axis][k] = INFINITY, b->t_high[axis][k] = -INFINITY;
@@ -79,7 +80,7 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
                                      LaneMask mask)
 {
     Lanes lens[2] = {0.0f, 0.0f};
-#ifdef LENS
+#if LENS()
     lens[0] = s->u, lens[1] = s->v;
     for (int axis = 0; axis < 2; axis++)
         mask &= (lens[axis] >= b->lens_low[axis]) & (lens[axis] <= b->lens_high[axis]);

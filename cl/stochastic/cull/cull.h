@@ -5,31 +5,32 @@
 // two is one; choosing and moving are none. They are those of the code as it stands, with what it
 // adds for rounding: of a path, or of each of its strata, of bounds for a tile of pixels, and of a
 // sample that is compared with them. The sample test that all share has 25 (34).
-#if defined(CULL_BBOX)
+#include "shared/effects.h"
+
+#if CULL_BBOX()
 #include "stochastic/cull/bbox.h"
-#elif defined(CULL_HULL)
+#elif CULL_HULL()
 #include "stochastic/cull/hull.h"
-#elif defined(CULL_OBB)
+#elif CULL_OBB()
 #include "stochastic/cull/obb.h"
-#elif defined(CULL_PIXAR)
+#elif CULL_PIXAR()
 #include "stochastic/cull/pixar.h"
-#elif defined(CULL_INTERLEAVE_UVT)
+#elif CULL_INTERLEAVE_UVT()
 #include "stochastic/cull/interleave_uvt.h"
-#elif defined(CULL_DUAL_SPACE)
+#elif CULL_DUAL_SPACE()
 #include "stochastic/cull/dual_space.h"
-#elif defined(CULL_CLIP_SPACE)
+#elif CULL_CLIP_SPACE()
 #include "stochastic/cull/clip_space.h"
-#elif defined(CULL_CLIP_SPACE_PRINTED)
+#elif CULL_CLIP_SPACE_PRINTED()
 #include "stochastic/cull/clip_space_printed.h"
-#elif defined(CULL_TRIM)
+#elif CULL_TRIM()
 #include "stochastic/cull/trim.h"
-#elif defined(CULL_ZMAX)
+#elif CULL_ZMAX()
 #include "stochastic/cull/zmax.h"
-#elif defined(CULL_ZMAX_STRATA)
-#define ZMAX_STRATA
+#elif CULL_ZMAX_STRATA()
 #include "stochastic/cull/zmax.h"
-#elif defined(CULL_ZMIN) || defined(CULL_ZMIN_STRATA)
+#elif CULL_ZMIN() || CULL_ZMIN_STRATA()
 #include "stochastic/cull/zmin.h"
-#else
+#elif CULL_BEST()
 #include "stochastic/cull/best.h"
 #endif

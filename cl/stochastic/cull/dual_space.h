@@ -9,6 +9,7 @@
 // eye too.
 //
 // Operations: path 806 (1680), tile 49 (95), sample 2 (6).
+#include "shared/effects.h"
 #include "stochastic/cull/time.h"
 
 // What one axis knows of a path.
@@ -26,7 +27,7 @@ typedef struct {
 
 typedef struct {
     Lanes t_low, t_high;
-#ifdef LENS
+#if LENS()
     Lanes u_low, u_high, v_low, v_high;
 #endif
 } Bounded;
@@ -48,7 +49,7 @@ static void begin_axis(const Moving *m, const float *p, const float *dp, float f
         float t = k / 3;
         place[k] = p[i] + t * dp[i], w[k] = m->w[i] + t * m->dw[i];
     }
-#ifdef LENS
+#if LENS()
     for (int side = 0; side < 2; side++) {
         float all_low[6], all_high[6], every_low, every_high;
         axis->low[side] = INFINITY, axis->high[side] = -INFINITY;
@@ -69,7 +70,7 @@ static void begin_axis(const Moving *m, const float *p, const float *dp, float f
         float least[2] = {INFINITY, INFINITY}, most[2] = {-INFINITY, -INFINITY};
         for (int k = 3 * end; k < 3 * end + 3; k++) {
             float more = size * fabs(w[k]) + 2.0f * m->slack;
-#ifdef LENS
+#if LENS()
             more += fabs(m->c[k % 3] + end * m->dc[k % 3]);
 #endif
             for (int side = 0; side < 2; side++) {
@@ -111,7 +112,7 @@ static INLINED void bound_time(const Axis *axis, Lanes gamma, Lanes *low, Lanes 
                high);
 }
 
-#ifdef LENS
+#if LENS()
 // Lens coordinates, in [-1, 1], at which the box of that axis reaches the tile at `place`.
 static INLINED void bound_lens(const Axis *axis, Lanes place, float size, Lanes *low, Lanes *high)
 {
@@ -135,7 +136,7 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
     bound_time(&cull->x, x, &b->t_low, &b->t_high);
     bound_time(&cull->y, y, &b->t_low, &b->t_high);
     in &= b->t_low <= b->t_high;
-#ifdef LENS
+#if LENS()
     bound_lens(&cull->x, x, size, &b->u_low, &b->u_high);
     bound_lens(&cull->y, y, size, &b->v_low, &b->v_high);
     in &= (b->u_low <= b->u_high) & (b->v_low <= b->v_high);
@@ -147,7 +148,7 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
                                      const Bounded *b, const Samples *s, Lanes tau, int slab,
                                      LaneMask mask)
 {
-#ifdef LENS
+#if LENS()
     mask &= (s->u >= b->u_low) & (s->u <= b->u_high) & (s->v >= b->v_low) & (s->v <= b->v_high);
 #endif
     COUNT(tile, stage1, mask);

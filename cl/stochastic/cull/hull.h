@@ -5,6 +5,7 @@
 //
 // Operations: path 1716 (1818), tile 44, sample 0.
 // Six edges are counted.
+#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 
 #define MAX_EDGES 15
@@ -28,7 +29,7 @@ static bool hull_corners(const Moving *m, float2 *p, float *blur)
         if (w <= m->slack) return false;
         p[k] = (float2)(m->x[i] + t * m->dx[i], m->y[i] + t * m->dy[i]) / w;
         blur[k] = m->slack / w + 1e-3f;
-#ifdef LENS
+#if LENS()
         blur[k] += fabs(m->c[i] + t * m->dc[i]) / w;
 #endif
     }

@@ -5,6 +5,7 @@
 //
 // Operations: stratum 50 (59), tile 8, sample 0.
 // As published: one stratum for each of the pattern's times and points of the lens.
+#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -43,7 +44,7 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
     for (int i = 0; i < 3; i++) {
         Lanes w = m->w[i] + tau * m->dw[i], over = 1.0f / w, slack = m->slack * over + 1e-3f;
         Lanes x = m->x[i] + tau * m->dx[i], y = m->y[i] + tau * m->dy[i];
-#ifdef LENS
+#if LENS()
         Lanes circle = m->c[i] + tau * m->dc[i];
         x += s->u * circle, y += s->v * circle;
 #endif

@@ -6,6 +6,7 @@
 // all circles of confusion.
 //
 // Operations: path 417 (435), tile 64, sample 0.
+#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 
 typedef struct {
@@ -53,7 +54,7 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
         p[k] = clip_like(tile, m->x[i] + t * m->dx[i], m->y[i] + t * m->dy[i],
                          m->w[i] + t * m->dw[i]);
         circle[k] = m->slack;
-#ifdef LENS
+#if LENS()
         circle[k] += fabs(m->c[i] + t * m->dc[i]);
 #endif
         circle[k] *= tile->clip_scale;

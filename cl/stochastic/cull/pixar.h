@@ -3,6 +3,7 @@
 // strata: "modified Pixar" of Laine et al. 2011, 2).
 //
 // Operations: stratum 208 (286), tile 8, sample 12 (24).
+#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 
 #define STRATA (STRATA_U * STRATA_V * STRATA_T)
@@ -51,7 +52,7 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
                                      LaneMask mask)
 {
     LaneInts stratum = stratum_along(s->t, STRATA_T) * (STRATA_U * STRATA_V);
-#ifdef LENS
+#if LENS()
     stratum += stratum_along(0.5f * s->u + 0.5f, STRATA_U);
     stratum += stratum_along(0.5f * s->v + 0.5f, STRATA_V) * STRATA_U;
 #endif

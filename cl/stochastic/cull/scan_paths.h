@@ -8,12 +8,13 @@
 #ifndef MB_SCAN_PATHS_H
 #define MB_SCAN_PATHS_H
 
+#include "shared/effects.h"
 #include "stochastic/test.h"
 
 // Whether the path is known to lie before all that the slab has seen.
 static inline bool is_first(const Cull *cull, int slab)
 {
-#ifdef FIRST_KNOWN
+#if ZMIN()
     return cull->first[slab];
 #else
     return false;
@@ -40,7 +41,7 @@ static void sample(Tile *tile)
     for (uint k = 0; k < tile->member_count; k++) {
         if (!is_sampled_now(tile, tile->members[k])) continue;
         Moving m = load_moving(tile, tile->members[k]);
-#ifdef GLOSSY
+#if GLOSSY()
         if (m.sheared) { // the published methods know of no shear
             for (int slab = 0; slab < tile->slabs; slab++)
                 for (int block = 0; block < BLOCKS; block++)

@@ -3,6 +3,7 @@
 #ifndef MB_CULL_TIME_H
 #define MB_CULL_TIME_H
 
+#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 
 // Narrow [low, high] to the time in which any corner may lie inside of the plane a x + b y + c w >=
@@ -15,7 +16,7 @@ static void trim_by_plane(const Moving *m, float a, float b, float c, float *low
         float t = k / 3, x = m->x[i] + t * m->dx[i], y = m->y[i] + t * m->dy[i];
         float w = m->w[i] + t * m->dw[i], side = a * x + b * y + c * w;
         side += 2.0f * m->slack + 1e-6f * fabs(c * w);
-#ifdef LENS
+#if LENS()
         side += fabs(m->c[i] + t * m->dc[i]) * (fabs(a) + fabs(b));
 #endif
         most[k / 3] = fmax(most[k / 3], side);

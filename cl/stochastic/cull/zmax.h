@@ -4,6 +4,7 @@
 //
 // Operations: path 216 (294), tile 8, sample 0.
 // With ZMAX_STRATA also 22 for each slab.
+#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 #include "stochastic/cull/depth_bounds.h"
 
@@ -24,7 +25,7 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
 {
     Stratum everything = EVERYTHING;
     cull->box = screen_box(m, &everything);
-#ifndef ZMAX_STRATA
+#if !CULL_ZMAX_STRATA()
     float far = 0.0f;
     for (int slab = 0; slab < tile->slabs; slab++) far = fmax(far, far_of_slab(tile, slab));
     if (least_depth(m, 0.0f, 1.0f) > far) return false;
@@ -43,7 +44,7 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
                                      const Bounded *bounded, const Samples *s, Lanes tau, int slab,
                                      LaneMask mask)
 {
-#ifdef ZMAX_STRATA
+#if CULL_ZMAX_STRATA()
     float2 t = times_of_slab(tile, m, slab);
     if (least_depth(m, t.x, t.y) > far_of_slab(tile, slab)) mask = 0;
 #endif

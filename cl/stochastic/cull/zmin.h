@@ -4,10 +4,9 @@
 //
 // Operations: path 222 (300), tile 8, sample 0.
 // With ZMIN_STRATA also 22 for each slab.
+#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 #include "stochastic/cull/depth_bounds.h"
-
-#define FIRST_KNOWN
 
 typedef struct {
     Box box;
@@ -30,7 +29,7 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     float near = INFINITY, greatest = greatest_depth(m, 0.0f, 1.0f);
     for (int slab = 0; slab < tile->slabs; slab++) near = fmin(near, near_of_slab(tile, slab));
     for (int slab = 0; slab < tile->slabs; slab++) {
-#ifdef ZMIN_STRATA
+#if CULL_ZMIN_STRATA()
         float2 t = times_of_slab(tile, m, slab);
         greatest = greatest_depth(m, t.x, t.y), near = near_of_slab(tile, slab);
 #endif
