@@ -12,6 +12,7 @@
 
 #include "shared/effects.h"
 #include "analytic/tile_of_rows.h"
+#include "shared/coordinates.h"
 #include "shared/shear.h"
 
 typedef struct {
@@ -21,6 +22,13 @@ typedef struct {
 #endif
     uint reversed;           // bit of edge i
 } MovingTriangle;
+
+// x of vertex i, which is `at`, seen through points u of the lens; or y through points v.
+#if LENS()
+#define THROUGH_LENS(type, at, points, triangle, i) fma(points, (type)((triangle).circle[i]), at)
+#else
+#define THROUGH_LENS(type, at, points, triangle, i) (at)
+#endif
 
 static void load_moving(global const Vertex *vertices, Path path, uint flags, MovingTriangle *m)
 {
@@ -124,19 +132,13 @@ static inline double cross2(double px, double py, double qx, double qy)
 // Vertex i relative to the sample, as seen through its point of the lens.
 static inline double shifted_x(const MovingTriangle *m, int i, Place p)
 {
-    double x = m->x[i];
-#if LENS()
-    x = fma((double)p.u, m->circle[i], x);
-#endif
+    double x = THROUGH_LENS(double, m->x[i], (double)p.u, *m, i);
     return fma(-(double)p.x, m->w[i], x);
 }
 
 static inline double shifted_y(const MovingTriangle *m, int i, Place p)
 {
-    double y = m->y[i];
-#if LENS()
-    y = fma((double)p.v, m->circle[i], y);
-#endif
+    double y = THROUGH_LENS(double, m->y[i], (double)p.v, *m, i);
     return fma(-(double)p.y, m->w[i], y);
 }
 

@@ -20,7 +20,6 @@ typedef struct {
 #if GLOSSY()
     Shear shear;
     double height[6];               // of the vertices over the plane that they are sheared along
-    float a[DOUBLES], b[DOUBLES];
 #endif
     double open, length;            // of its motion segment, in the shutter
     double slack;                   // of times that are rounded to float32, in the segment's
@@ -29,24 +28,18 @@ typedef struct {
     int first[LANES], last[LANES];  // columns of each row
     int waiting;
     int samples[DOUBLES];
-    float x[DOUBLES], y[DOUBLES];
-#if LENS()
-    float u[DOUBLES], v[DOUBLES];
-#endif
+#define MEMBER(name) float name[DOUBLES];
+    COORDINATES(MEMBER)
+#undef MEMBER
 } Gather;
 
 // Give the lanes that no sample fills something to compute with.
 static void clear_gather(Gather *g)
 {
-    for (int i = 0; i < DOUBLES; i++) {
-        g->x[i] = g->y[i] = 0.0f;
-#if LENS()
-        g->u[i] = g->v[i] = 0.0f;
-#endif
-#if GLOSSY()
-        g->a[i] = g->b[i] = 0.0f;
-#endif
-    }
+#define CLEAR(name) \
+    for (int i = 0; i < DOUBLES; i++) g->name[i] = 0.0f;
+    COORDINATES(CLEAR)
+#undef CLEAR
 }
 
 static void begin_gather(const Tile *tile, uint path_index, Gather *g)
@@ -119,13 +112,9 @@ static bool gather_samples(const Tile *tile, Gather *g)
 #endif
             Place place = place_of(tile, sample);
             g->samples[g->waiting] = sample;
-            g->x[g->waiting] = place.x, g->y[g->waiting] = place.y;
-#if LENS()
-            g->u[g->waiting] = place.u, g->v[g->waiting] = place.v;
-#endif
-#if GLOSSY()
-            g->a[g->waiting] = place.a, g->b[g->waiting] = place.b;
-#endif
+#define KEEP(name) g->name[g->waiting] = place.name;
+            COORDINATES(KEEP)
+#undef KEEP
             if (++g->waiting == DOUBLES) {
                 g->column++;
                 return true;
@@ -145,59 +134,43 @@ static inline void count_tested(Tile *tile, const Gather *g)
 static inline Place gathered_place(const Gather *g, int i)
 {
     Place place = {g->x[i], g->y[i], 0.0f, 0.0f};
-#if LENS()
-    place.u = g->u[i], place.v = g->v[i];
-#endif
-#if GLOSSY()
-    place.a = g->a[i], place.b = g->b[i];
-#endif
+#define TAKE(name) place.name = g->name[i];
+    MORE_COORDINATES(TAKE)
+#undef TAKE
     return place;
 }
 
-#if GLOSSY()
-// What is added to x, y or w (0, 1, 2) of vertex i for each sample at hand: the same operations as
-// shear_triangle.
-static INLINED Doubles gathered_shear(const Gather *g, int i, int which)
+// x, y or w (0, 1, 2) of vertex i, which is `value`, as each sample at hand sees it in a glossy
+// mirror: the same operations as shear_triangle.
+static INLINED Doubles gathered_seen(const Gather *g, double value, int i, int which)
 {
+#if GLOSSY()
     const double *a = g->shear.tilt[i / 3][0], *b = g->shear.tilt[i / 3][1];
     if (g->shear.any)
-        return g->height[i] * (to_doubles(doubles_load(g->a)) * a[which]
-                               + to_doubles(doubles_load(g->b)) * b[which]);
-    return (Doubles)(0.0);
-}
+        return value
+               + g->height[i] * (to_doubles(doubles_load(g->a)) * a[which]
+                                 + to_doubles(doubles_load(g->b)) * b[which]);
 #endif
+    return value;
+}
 
 static INLINED Doubles gathered_w(const Gather *g, int i)
 {
-    Doubles w = g->triangle.w[i];
-#if GLOSSY()
-    w += gathered_shear(g, i, 2);
-#endif
-    return w;
+    return gathered_seen(g, g->triangle.w[i], i, 2);
 }
 
 // Vertex i relative to each sample at hand: the same operations as shifted_x and shifted_y.
 static INLINED Doubles gathered_x(const Gather *g, int i)
 {
-    Doubles x = g->triangle.x[i];
-#if GLOSSY()
-    x += gathered_shear(g, i, 0);
-#endif
-#if LENS()
-    x = fma(to_doubles(doubles_load(g->u)), (Doubles)(g->triangle.circle[i]), x);
-#endif
+    Doubles x = gathered_seen(g, g->triangle.x[i], i, 0);
+    x = THROUGH_LENS(Doubles, x, to_doubles(doubles_load(g->u)), g->triangle, i);
     return fma(-to_doubles(doubles_load(g->x)), gathered_w(g, i), x);
 }
 
 static INLINED Doubles gathered_y(const Gather *g, int i)
 {
-    Doubles y = g->triangle.y[i];
-#if GLOSSY()
-    y += gathered_shear(g, i, 1);
-#endif
-#if LENS()
-    y = fma(to_doubles(doubles_load(g->v)), (Doubles)(g->triangle.circle[i]), y);
-#endif
+    Doubles y = gathered_seen(g, g->triangle.y[i], i, 1);
+    y = THROUGH_LENS(Doubles, y, to_doubles(doubles_load(g->v)), g->triangle, i);
     return fma(-to_doubles(doubles_load(g->y)), gathered_w(g, i), y);
 }
 

@@ -78,9 +78,9 @@ static Places centres_from(const Tile *tile, int pixel)
     Places places = {.y = tile->y + pixel / TILE + 0.5f};
     Floats column = (float)(tile->x + pixel % TILE) + DOUBLE_INDEX(Floats);
     places.x = to_doubles(column + 0.5f);
-#if LENS()
-    places.u = places.v = 0.0;
-#endif
+#define CLEAR(name) places.name = 0.0;
+    LENS_COORDINATES(CLEAR)
+#undef CLEAR
     return places;
 }
 

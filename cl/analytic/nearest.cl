@@ -19,9 +19,9 @@ typedef struct {
 // Where eight neighbours of a row lie.
 typedef struct {
     Doubles x, y;
-#if LENS()
-    Doubles u, v;
-#endif
+#define MEMBER(name) Doubles name;
+    LENS_COORDINATES(MEMBER)
+#undef MEMBER
 } Places;
 
 // Prepare the triangle; its vertices are there.
@@ -53,9 +53,9 @@ static Places places_from(const Tile *tile, int sample)
     for (int i = 0; i < DOUBLES; i++) {
         Place place = tile->places[sample + i];
         LANE(double, places.x, i) = place.x, LANE(double, places.y, i) = place.y;
-#if LENS()
-        LANE(double, places.u, i) = place.u, LANE(double, places.v, i) = place.v;
-#endif
+#define KEEP(name) LANE(double, places.name, i) = place.name;
+        LENS_COORDINATES(KEEP)
+#undef KEEP
     }
 #else
     int row = sample / TILE; // what follows is place_of's sum
@@ -69,9 +69,9 @@ static Places places_from(const Tile *tile, int sample)
 static inline Place place_of_lane(const Places *places, int i)
 {
     Place place = {LANE(double, places->x, i), LANE(double, places->y, i), 0.0f, 0.0f};
-#if LENS()
-    place.u = LANE(double, places->u, i), place.v = LANE(double, places->v, i);
-#endif
+#define TAKE(name) place.name = LANE(double, places->name, i);
+    LENS_COORDINATES(TAKE)
+#undef TAKE
     return place;
 }
 

@@ -156,42 +156,59 @@ static bool is_nothing(const double3 *q, const Depth *depth)
     return nothing;
 }
 
-static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided,
-#if GLOSSY()
-                          const Shear *shear,
-#endif
-                          Shape *shape, Depth *depth)
+// How far lens and glossy mirrors spread a path at most: on screen in pixels, and in depth.
+typedef struct {
+    double blur, deep;
+} Reach;
+
+// Vertex i of the path: three at the start, three at the end.
+static inline Vertex vertex_of(global const Vertex *vertices, Path path, int i)
 {
-    double3 q[6]; // three vertices at the start, three at the end
     uint corner[3] = {path.a, path.b, path.c};
-    double blur = 0.0, deep = 0.0; // on screen, in pixels, and in depth
+    return vertices[corner[i % 3] + (i < 3 ? 0u : path.step)];
+}
+
+static Reach reach_of_lens(global const Vertex *vertices, Path path)
+{
+    Reach reach = {0.0, 0.0};
 #if LENS()
     bool blurred = false;
-#endif
     for (int i = 0; i < 6; i++) {
-        global const Vertex *v = vertices + corner[i % 3] + (i < 3 ? 0u : path.step);
-        q[i] = (double3)(v->x, v->y, v->w);
-#if LENS()
+        Vertex v = vertex_of(vertices, path, i);
         // Next to the eye's plane any circle between the vertices' is as great as you like.
-        blurred |= v->circle != 0.0;
-        blur = fmax(blur, v->w > 0.0 ? fabs(v->circle) / v->w : INFINITY);
-#endif
+        blurred |= v.circle != 0.0;
+        reach.blur = fmax(reach.blur, v.w > 0.0 ? fabs(v.circle) / v.w : INFINITY);
     }
-#if LENS()
-    blur = blurred ? blur : 0.0;
+    if (!blurred) reach.blur = 0.0;
 #endif
+    return reach;
+}
+
 #if GLOSSY()
-    double spread = 0.0;
-    for (int i = 0; i < 6 && shear->any; i++) {
-        double2 reach = shear_reach(shear, i / 3, q[i].x, q[i].y, q[i].z);
+static Reach reach_in_mirror(global const Vertex *vertices, Path path, const Shear *shear)
+{
+    Reach reach = {0.0, 0.0};
+    for (int i = 0; i < 6; i++) {
+        Vertex v = vertex_of(vertices, path, i);
+        double2 spread = shear_reach(shear, i / 3, v.x, v.y, v.w);
 #if LENS()
-        global const Vertex *v = vertices + corner[i % 3] + (i < 3 ? 0u : path.step);
-        reach.y += fabs(v->circle) / fmax(q[i].z - reach.x, 1e-300);
+        spread.y += fabs(v.circle) / fmax(v.w - spread.x, 1e-300);
 #endif
-        deep = fmax(deep, reach.x), spread = fmax(spread, reach.y);
+        reach.deep = fmax(reach.deep, spread.x), reach.blur = fmax(reach.blur, spread.y);
     }
-    blur = shear->any ? spread : blur;
+    return reach;
+}
 #endif
+
+static void shape_of_path(global const Vertex *vertices, Path path, bool single_sided, Reach reach,
+                          Shape *shape, Depth *depth)
+{
+    double3 q[6];
+    for (int i = 0; i < 6; i++) {
+        Vertex v = vertex_of(vertices, path, i);
+        q[i] = (double3)(v.x, v.y, v.w);
+    }
+    const double blur = reach.blur, deep = reach.deep;
     double w_low = q[0].z, w_high = q[0].z;
     float y_min = INFINITY, y_max = -INFINITY;
     for (int i = 0; i < 6; i++) {
@@ -244,12 +261,12 @@ kernel void paths(global const Vertex *vertices, global const Path *paths, uint 
         uint flags = materials[meshes[path.mesh].material].flags;
         Shape shape = {.flags = 0u};
         Depth depth;
+        Reach reach = reach_of_lens(vertices, path);
 #if GLOSSY()
         Shear shear = load_shear(cameras, meshes + path.mesh, path);
-        shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shear, &shape, &depth);
-#else
-        shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, &shape, &depth);
+        if (shear.any) reach = reach_in_mirror(vertices, path, &shear);
 #endif
+        shape_of_path(vertices, path, flags & MATERIAL_SINGLE_SIDED, reach, &shape, &depth);
         shapes[i] = shape;
 #if EXACT()
         depth.near = shape.near, depth.far = shape.far;

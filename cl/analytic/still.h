@@ -13,9 +13,9 @@ typedef struct {
     int count;
     int samples[LANES];
     float x[LANES], y[LANES], w[LANES];
-#if LENS()
-    float u[LANES], v[LANES];
-#endif
+#define MEMBER(name) float name[LANES];
+    LENS_COORDINATES(MEMBER)
+#undef MEMBER
 } Still;
 
 static Attributes still_attributes(const Tile *tile, const Still *still, const Shaded *s)
@@ -25,10 +25,8 @@ static Attributes still_attributes(const Tile *tile, const Still *still, const S
     LaneDoubles x[3], y[3], e[3], sum = 0.0;
     for (int i = 0; i < 3; i++) {
         x[i] = m.x[i], y[i] = m.y[i];
-#if LENS()
-        x[i] = fma(to_lane_doubles(lanes_load(still->u)), (LaneDoubles)(m.circle[i]), x[i]);
-        y[i] = fma(to_lane_doubles(lanes_load(still->v)), (LaneDoubles)(m.circle[i]), y[i]);
-#endif
+        x[i] = THROUGH_LENS(LaneDoubles, x[i], to_lane_doubles(lanes_load(still->u)), m, i);
+        y[i] = THROUGH_LENS(LaneDoubles, y[i], to_lane_doubles(lanes_load(still->v)), m, i);
         x[i] = fma(-to_lane_doubles(lanes_load(still->x)), (LaneDoubles)(m.w[i]), x[i]);
         y[i] = fma(-to_lane_doubles(lanes_load(still->y)), (LaneDoubles)(m.w[i]), y[i]);
     }
@@ -52,9 +50,9 @@ static void shade_still(Tile *tile, Still *still)
     if (still->count == 0) return;
     for (int i = still->count; i < LANES; i++) {
         still->x[i] = still->x[i - 1], still->y[i] = still->y[i - 1], still->w[i] = still->w[i - 1];
-#if LENS()
-        still->u[i] = still->u[i - 1], still->v[i] = still->v[i - 1];
-#endif
+#define REPEAT(name) still->name[i] = still->name[i - 1];
+        LENS_COORDINATES(REPEAT)
+#undef REPEAT
     }
     Shaded s = load_shaded(&tile->scene, still->path);
     Colors color = {s.path.color[0], s.path.color[1], s.path.color[2]};
@@ -111,9 +109,9 @@ static void shade_all_still(Tile *tile)
             still.path = path, still.samples[i] = sample;
             still.x[i] = place.x, still.y[i] = place.y;
             still.w[i] = (float)tile->static_depth[sample];
-#if LENS()
-            still.u[i] = place.u, still.v[i] = place.v;
-#endif
+#define KEEP(name) still.name[i] = place.name;
+            LENS_COORDINATES(KEEP)
+#undef KEEP
         }
     }
     shade_still(tile, &still);

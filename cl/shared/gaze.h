@@ -3,6 +3,7 @@
 #define MB_GAZE_H
 
 #include "shared/effects.h"
+#include "shared/coordinates.h"
 #include "shared/cube_map.h"
 #include "shared/mirror_planes.h"
 
@@ -16,9 +17,9 @@ typedef struct {
 static inline Gaze gaze_at(Place place, uint world)
 {
     Gaze g = {place.x, place.y, place.u, place.v, 0.0f, 0.0f, world};
-#if GLOSSY()
-    g.a = place.a, g.b = place.b;
-#endif
+#define TAKE(name) g.name = place.name;
+    DISC_COORDINATES(TAKE)
+#undef TAKE
     return g;
 }
 

@@ -87,12 +87,9 @@ static float4 mirrored_behind(const Tile *tile, int index)
 {
 #if SKY()
     Gaze gaze = {tile->xs[index] + (tile->x + HALF), tile->ys[index] + (tile->y + HALF)};
-#if LENS()
-    gaze.u = tile->us[index], gaze.v = tile->vs[index];
-#endif
-#if GLOSSY()
-    gaze.a = tile->as[index], gaze.b = tile->bs[index];
-#endif
+#define TAKE(name) gaze.name = tile->name##s[index];
+    MORE_COORDINATES(TAKE)
+#undef TAKE
     gaze.world = mirror_seen(tile, tile->owners[index]);
     Lanes3 ways = sky_ways(&tile->scene, &gaze, (Lanes)(tile->ts[index]));
     Lanes3 light = sky_light(&tile->scene, ways, 1);

@@ -20,6 +20,7 @@
 
 #include "shared/effects.h"
 #include "stochastic/tile_of_slabs.h"
+#include "shared/coordinates.h"
 #include "shared/shear.h"
 
 typedef struct {
@@ -49,25 +50,19 @@ typedef struct {
 
 // Sixteen samples.
 typedef struct {
-    Lanes x, y, t;
-#if LENS()
-    Lanes u, v;
-#endif
-#if GLOSSY()
-    Lanes a, b;
-#endif
+#define MEMBER(name) Lanes name;
+    COORDINATES(MEMBER)
+#undef MEMBER
+    Lanes t;
 } Samples;
 
 static inline Samples load_samples(const Tile *tile, int index)
 {
     Samples s;
-    s.x = load(tile->xs, index), s.y = load(tile->ys, index), s.t = load(tile->ts, index);
-#if LENS()
-    s.u = load(tile->us, index), s.v = load(tile->vs, index);
-#endif
-#if GLOSSY()
-    s.a = load(tile->as, index), s.b = load(tile->bs, index);
-#endif
+#define LOAD(name) s.name = load(tile->name##s, index);
+    COORDINATES(LOAD)
+#undef LOAD
+    s.t = load(tile->ts, index);
     return s;
 }
 
@@ -188,6 +183,15 @@ static Moving load_moving(const Tile *tile, uint index)
     m.alpha = path.alpha;
 #endif
     return m;
+}
+
+// A bound, further out by `by` times vertex i's circle of confusion at time t of the segment.
+static inline float out_by_lens(float bound, const Moving *m, int i, float t, float by)
+{
+#if LENS()
+    bound += fabs(m->c[i] + t * m->dc[i]) * by;
+#endif
+    return bound;
 }
 
 // Place of a time of the shutter in the segment.

@@ -43,28 +43,30 @@ static inline void add_sample(Tile *tile, int index, float4 color)
 
 #if VARYING()
 
+static INLINED Lanes listed_values(global const float *values, const int *list, int count)
+{
+    float value[LANES];
+    for (int i = 0; i < LANES; i++) value[i] = values[list[min(i, count - 1)]];
+    return lanes_load(value);
+}
+
+static inline float mean_of_values(global const float *values, const int *list, int count)
+{
+    float sum = 0.0f;
+    for (int i = 0; i < count; i++) sum += values[list[i]];
+    return sum * (1.0f / count);
+}
+
 // The samples of `list`, the last one repeated where there are fewer than sixteen; w is their
 // depth.
 static Samples gather_listed(const Tile *tile, const int *list, int count, Lanes *w)
 {
-    float value[LANES];
     Samples s;
-#define GATHER(to, from) \
-    for (int i = 0; i < LANES; i++) value[i] = (from)[list[min(i, count - 1)]]; \
-    to = lanes_load(value);
-    GATHER(s.x, tile->xs)
-    GATHER(s.y, tile->ys)
-    GATHER(s.t, tile->ts)
-    GATHER(*w, tile->zs)
-#if LENS()
-    GATHER(s.u, tile->us)
-    GATHER(s.v, tile->vs)
-#endif
-#if GLOSSY()
-    GATHER(s.a, tile->as)
-    GATHER(s.b, tile->bs)
-#endif
+#define GATHER(name) s.name = listed_values(tile->name##s, list, count);
+    COORDINATES(GATHER)
+    GATHER(t)
 #undef GATHER
+    *w = listed_values(tile->zs, list, count);
     return s;
 }
 
@@ -83,24 +85,12 @@ static inline bool shaded_once(const Shaded *s)
 // The mean of listed samples in all lanes.
 static Samples mean_of_listed(const Tile *tile, const int *list, int count, Lanes *w)
 {
-    float x = 0.0f, y = 0.0f, t = 0.0f, depth = 0.0f, over = 1.0f / count;
-    for (int i = 0; i < count; i++) {
-        x += tile->xs[list[i]], y += tile->ys[list[i]], t += tile->ts[list[i]];
-        depth += tile->zs[list[i]];
-    }
     Samples mean;
-    mean.x = x * over, mean.y = y * over, mean.t = t * over;
-#if LENS()
-    float u = 0.0f, v = 0.0f;
-    for (int i = 0; i < count; i++) u += tile->us[list[i]], v += tile->vs[list[i]];
-    mean.u = u * over, mean.v = v * over;
-#endif
-#if GLOSSY()
-    float a = 0.0f, b = 0.0f;
-    for (int i = 0; i < count; i++) a += tile->as[list[i]], b += tile->bs[list[i]];
-    mean.a = a * over, mean.b = b * over;
-#endif
-    *w = depth * over;
+#define MEAN(name) mean.name = mean_of_values(tile->name##s, list, count);
+    COORDINATES(MEAN)
+    MEAN(t)
+#undef MEAN
+    *w = mean_of_values(tile->zs, list, count);
     return mean;
 }
 

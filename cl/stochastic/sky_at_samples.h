@@ -27,9 +27,9 @@ static void add_sky(Tile *tile)
         if (!any) continue;
         Gaze gaze = {load(tile->xs, index) + (float)(tile->x + HALF),
                      load(tile->ys, index) + (float)(tile->y + HALF)};
-#if LENS()
-        gaze.u = load(tile->us, index), gaze.v = load(tile->vs, index);
-#endif
+#define LOAD(name) gaze.name = load(tile->name##s, index);
+        LENS_COORDINATES(LOAD)
+#undef LOAD
         Lanes3 light = sky_light(&tile->scene, sky_ways(&tile->scene, &gaze,
                                                         load(tile->ts, index)), LANES);
         for (int i = 0; i < LANES; i++)

@@ -70,9 +70,7 @@ static void begin_axis(const Moving *m, const float *p, const float *dp, float f
         float least[2] = {INFINITY, INFINITY}, most[2] = {-INFINITY, -INFINITY};
         for (int k = 3 * end; k < 3 * end + 3; k++) {
             float more = size * fabs(w[k]) + 2.0f * m->slack;
-#if LENS()
-            more += fabs(m->c[k % 3] + end * m->dc[k % 3]);
-#endif
+            more = out_by_lens(more, m, k % 3, end, 1.0f);
             for (int side = 0; side < 2; side++) {
                 float gamma = side ? to : from, delta = place[k] - gamma * w[k];
                 more += 1e-6f * (fabs(place[k]) + fabs(gamma * w[k]));

@@ -47,17 +47,13 @@ static bool box_axes(const float3 *p, float3 *axis)
 static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
 {
     float3 p[6];
-    float circle[6];
+    float around[6];
     for (int k = 0; k < 6; k++) {
         int i = k % 3;
         float t = k / 3;
         p[k] = clip_like(tile, m->x[i] + t * m->dx[i], m->y[i] + t * m->dy[i],
                          m->w[i] + t * m->dw[i]);
-        circle[k] = m->slack;
-#if LENS()
-        circle[k] += fabs(m->c[i] + t * m->dc[i]);
-#endif
-        circle[k] *= tile->clip_scale;
+        around[k] = out_by_lens(m->slack, m, i, t, 1.0f) * tile->clip_scale;
     }
     if (!box_axes(p, cull->axis)) {
         cull->axis[0] = (float3)(1.0f, 0.0f, 0.0f), cull->axis[1] = (float3)(0.0f, 1.0f, 0.0f);
@@ -68,7 +64,7 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
         cull->low[a] = INFINITY, cull->high[a] = -INFINITY;
         for (int k = 0; k < 6; k++) {
             float at = dot(n, p[k]);
-            float more = circle[k] * (fabs(n.x) + fabs(n.y))
+            float more = around[k] * (fabs(n.x) + fabs(n.y))
                          + 4e-6f * (fabs(p[k].x) + fabs(p[k].y) + fabs(p[k].z));
             cull->low[a] = fmin(cull->low[a], at - more),
             cull->high[a] = fmax(cull->high[a], at + more);

@@ -16,10 +16,7 @@ static void trim_by_plane(const Moving *m, float a, float b, float c, float *low
         float t = k / 3, x = m->x[i] + t * m->dx[i], y = m->y[i] + t * m->dy[i];
         float w = m->w[i] + t * m->dw[i], side = a * x + b * y + c * w;
         side += 2.0f * m->slack + 1e-6f * fabs(c * w);
-#if LENS()
-        side += fabs(m->c[i] + t * m->dc[i]) * (fabs(a) + fabs(b));
-#endif
-        most[k / 3] = fmax(most[k / 3], side);
+        most[k / 3] = fmax(most[k / 3], out_by_lens(side, m, i, t, fabs(a) + fabs(b)));
     }
     if (most[0] < 0.0f && most[1] < 0.0f) *high = -1.0f;
     float cross = most[0] / (most[0] - most[1]);
