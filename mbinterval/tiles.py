@@ -137,7 +137,9 @@ def _scratch(plan: Plan) -> dict[str, tuple[str, int]]:
 def pools(plan: Plan) -> dict[str, str]:
     """Pools of a work-item: kind of record of each."""
     kinds = _EXACT_POOLS if plan.exact else _TRIANGULATED_POOLS
-    return {**kinds, **({"steps": "Step"} if "shadow" in plan.stages else {}), "spans": "Span"}
+    steps = {"steps": "Step"} if "shadow" in plan.stages else {}
+    added = {"added": "float4"} if "RECORDED" in plan.active else {}
+    return {**kinds, **steps, **added, "spans": "Span"}
 
 
 def pool_bytes(plan: Plan, capacity: int) -> int:

@@ -1,4 +1,4 @@
-// The window of a sample's line, where the shutter rolls.
+// Samples as they look at the scene, and the windows of their lines, where the shutter rolls.
 #ifndef MB_LINE_WINDOW_H
 #define MB_LINE_WINDOW_H
 
@@ -10,6 +10,18 @@
 static inline float2 window_of(const Tile *tile, int sample)
 {
     return line_window(&tile->scene, tile->x + sample % TILE, tile->y + sample / TILE % TILE);
+}
+
+// A sample, the place that it looks from, and when its line is exposed.
+typedef struct {
+    int sample;
+    Place place;
+    float2 window;
+} Viewer;
+
+static inline Viewer viewer_of(const Tile *tile, int sample)
+{
+    return (Viewer){sample, place_of(tile, sample), window_of(tile, sample)};
 }
 
 #if MOMENTARY() || AOV_SHARP()

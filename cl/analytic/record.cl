@@ -100,15 +100,16 @@ static global Event *reserve_events(Tile *tile, uint count)
 }
 
 // What a stack adds from times.x to times.y; of its layer k it is then `added_by(tile, k)`.
-static float4 add_stack(const Tile *tile, int sample, global const Span *spans, uint size,
-                        float2 times, Place place, float2 window)
+static float4 add_stack(const Tile *tile, const Viewer *viewer, global const Span *spans, uint size,
+                        float2 times)
 {
 #if STACKS()
-    return blend_stack(tile, sample, spans, size, times, place, window).color;
+    const Stack stack = {spans, size, times};
+    return blend_stack(tile, viewer, &stack).color;
 #elif RECORDED_COLOR()
     Span span = spans[0];
     span.t0 = times.x, span.t1 = times.y;
-    return (float4)(span_color(tile, sample, span, place, window), 1.0f);
+    return (float4)(span_color(tile, viewer, span), 1.0f);
 #else
     return (float4)(0.0f, 0.0f, 0.0f, 1.0f);
 #endif
@@ -117,7 +118,7 @@ static float4 add_stack(const Tile *tile, int sample, global const Span *spans, 
 static inline float4 added_by(const Tile *tile, uint layer, float4 whole)
 {
 #if STACKS()
-    return vload4(layer, tile->ordering);
+    return tile->added[layer];
 #else
     return whole;
 #endif
@@ -134,12 +135,11 @@ static inline uint shown_layer(const Tile *tile, global const Span *spans, uint 
 }
 
 // One event for each layer of a stack, from times.x to times.y.
-static void write_stack(const Tile *tile, int sample, Event event, global const Span *spans,
-                        uint size, float2 times, global Event *out)
+static void write_stack(const Tile *tile, const Viewer *viewer, Event event,
+                        global const Span *spans, uint size, float2 times, global Event *out)
 {
-    Place place = place_of(tile, sample);
-    float2 window = window_of(tile, sample);
-    float4 whole = add_stack(tile, sample, spans, size, times, place, window);
+    const float2 window = viewer->window;
+    float4 whole = add_stack(tile, viewer, spans, size, times);
     event.t0 = line_time(window, times.x), event.t1 = line_time(window, times.y);
     event.weight = spans[0].weight;
     if (times.x > spans[0].t0 || times.y < spans[0].t1)
@@ -150,8 +150,8 @@ static void write_stack(const Tile *tile, int sample, Event event, global const 
         Span shown = spans[shown_layer(tile, spans, k)];
         event.path = span_path(tile, shown);
 #if RECORDED_COLOR()
-        event.z0 = span_depth(tile, shown, place, times.x);
-        event.z1 = span_depth(tile, shown, place, times.y);
+        event.z0 = span_depth(tile, shown, viewer->place, times.x);
+        event.z1 = span_depth(tile, shown, viewer->place, times.y);
 #endif
         vstore4(added_by(tile, k, whole), 0, event.color);
         out[k] = event;
@@ -164,7 +164,8 @@ static void record_spans(Tile *tile, int sample, Event event)
 {
     Run run = tile->span_runs[sample];
     global const Span *spans = tile->spans + run.start;
-    float2 window = window_of(tile, sample);
+    const Viewer viewer = viewer_of(tile, sample);
+    const float2 window = viewer.window;
     global Event *out = reserve_events(tile, count_events(tile, window, spans, run.count));
     if (!out) return;
     for (uint i = 0, size; i < run.count; i += size) {
@@ -174,10 +175,10 @@ static void record_spans(Tile *tile, int sample, Event event)
         float t = spans[i].t0, end = spans[i].t1;
         bool cut = count_parts(tile, window, changes, t, end) > 1;
         whole.sample |= cut ? EVENT_WHOLE : 0u, part.sample |= EVENT_PART;
-        write_stack(tile, sample, whole, spans + i, size, (float2)(t, end), out);
+        write_stack(tile, &viewer, whole, spans + i, size, (float2)(t, end), out);
         for (out += size; cut && t < end; out += size) {
             float next = part_end(tile, window, changes, t, end);
-            write_stack(tile, sample, part, spans + i, size, (float2)(t, next), out);
+            write_stack(tile, &viewer, part, spans + i, size, (float2)(t, next), out);
             t = next;
         }
     }
@@ -191,8 +192,8 @@ static void record_spans(Tile *tile, int sample, Event event)
     global Event *out = reserve_events(tile, 1u);
     if (!out) return;
     Span always = {0.0f, 1.0f, 1.0f, tile->static_part[sample] >> PART_BITS};
-    Place place = place_of(tile, sample);
-    float3 color = span_color(tile, sample, always, place, window_of(tile, sample));
+    const Viewer viewer = viewer_of(tile, sample);
+    float3 color = span_color(tile, &viewer, always);
     event.path = always.source;
     event.t0 = 0.0f, event.t1 = 1.0f, event.weight = event.share;
     event.z0 = event.z1 = (float)tile->static_depth[sample];

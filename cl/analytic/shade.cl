@@ -153,13 +153,13 @@ static bool colors_along(const Tile *tile, const Shaded *s, const Varying *v, Sp
 
 static INLINED float4 weighted_sum(const Colors *colors, Lanes light)
 {
-    return (float4)(lanes_sum(light * colors->x), lanes_sum(light * colors->y),
-                    lanes_sum(light * colors->z),
+    float4 sum = 0.0f;
+    sum.x = lanes_sum(light * colors->x), sum.y = lanes_sum(light * colors->y);
+    sum.z = lanes_sum(light * colors->z);
 #if ALPHA_VARIES()
-                    lanes_sum(light * colors->alpha));
-#else
-                    0.0f);
+    sum.w = lanes_sum(light * colors->alpha);
 #endif
+    return sum;
 }
 
 // Average colour of the span.
@@ -189,16 +189,16 @@ static float3 varying_color(const Tile *tile, const Shaded *s, Span span)
 
 #endif // VARYING
 
-static float3 span_color(const Tile *tile, int sample, Span span, Place place, float2 window)
+static float3 span_color(const Tile *tile, const Viewer *viewer, Span span)
 {
     uint path = span_path(tile, span);
 #if VARYING()
 #if STILL()
-    if (path < tile->scene.numbers.static_paths) return tile->still[sample].xyz;
+    if (path < tile->scene.numbers.static_paths) return tile->still[viewer->sample].xyz;
 #endif
     Shaded s = load_shaded(&tile->scene, path);
     if (varies_on_surface(&s)) {
-        s.place = place, s.window = window;
+        s.place = viewer->place, s.window = viewer->window;
         load_attributes(tile, &s);
         return varying_color(tile, &s, span);
     }
@@ -224,8 +224,7 @@ static inline void fetch_path(const Tile *tile, uint path)
 // Add the spans of a sample to its pixel: colour with coverage, and depth.
 static void add_spans(Tile *tile, int sample, int pixel, global const Span *spans, uint count)
 {
-    Place place = place_of(tile, sample);
-    float2 window = window_of(tile, sample);
+    const Viewer viewer = viewer_of(tile, sample);
     float4 color = 0.0f;
     float depth = 0.0f;
 #if STACKS()
@@ -233,24 +232,23 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
         size = stack_size(spans + i, count - i);
         for (uint k = i + size; k < min(i + 2 * size, count); k++)
             fetch_path(tile, span_path(tile, spans[k]));
-        Blended stack = blend_stack(tile, sample, spans + i, size,
-                                    (float2)(spans[i].t0, spans[i].t1), place, window);
+        const Stack stack = {spans + i, size, (float2)(spans[i].t0, spans[i].t1)};
+        Blended seen = blend_stack(tile, &viewer, &stack);
 #if SKY()
-        stack.color += sky_through(tile, sample, (float2)(spans[i].t0, spans[i].t1),
-                                   1.0f - stack.color.w);
+        seen.color += sky_through(tile, &viewer, stack.times, 1.0f - seen.color.w);
 #endif
-        color += spans[i].weight * stack.color, depth += spans[i].weight * stack.depth;
+        color += spans[i].weight * seen.color, depth += spans[i].weight * seen.depth;
     }
 #else
     for (uint i = 0; i < count; i++) {
         if (i + SPANS_AHEAD < count) fetch_path(tile, span_path(tile, spans[i + SPANS_AHEAD]));
         Span span = spans[i];
-        color += span.weight * (float4)(span_color(tile, sample, span, place, window), 1.0f);
-        depth += span.weight * span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
+        color += span.weight * (float4)(span_color(tile, &viewer, span), 1.0f);
+        depth += span.weight * span_depth(tile, span, viewer.place, 0.5f * (span.t0 + span.t1));
     }
 #endif
 #if SKY()
-    color += sky_behind(tile, sample, spans, count);
+    color += sky_behind(tile, &viewer, spans, count);
 #endif
     tile->color[pixel] += weight_of(tile, sample) * color;
     tile->depth[pixel] += weight_of(tile, sample) * depth;
@@ -260,28 +258,27 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
 // Add what of the spans is seen at the moment: a span without length.
 static void add_moment(Tile *tile, int sample, int pixel, global const Span *spans, uint count)
 {
-    Place place = place_of(tile, sample);
-    float2 window = window_of(tile, sample);
-    float t = moment_in(tile, window);
+    const Viewer viewer = viewer_of(tile, sample);
+    float t = moment_in(tile, viewer.window);
     for (uint i = 0; i < count; i++) {
         Span span = spans[i];
         if (!(span.t0 <= t && t < span.t1)) continue;
 #if STACKS()
-        Blended stack = blend_stack(tile, sample, spans + i, stack_size(spans + i, count - i),
-                                    (float2)(t), place, window);
+        const Stack stack = {spans + i, stack_size(spans + i, count - i), (float2)(t)};
+        Blended seen = blend_stack(tile, &viewer, &stack);
 #if SKY()
-        stack.color += sky_through(tile, sample, (float2)(t), 1.0f - stack.color.w);
+        seen.color += sky_through(tile, &viewer, stack.times, 1.0f - seen.color.w);
 #endif
-        tile->sharp[pixel] += weight_of(tile, sample) * stack.color;
+        tile->sharp[pixel] += weight_of(tile, sample) * seen.color;
         return;
 #endif
         span.t0 = span.t1 = t;
-        float3 color = span_color(tile, sample, span, place, window);
+        float3 color = span_color(tile, &viewer, span);
         tile->sharp[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
         return;
     }
 #if SKY()
-    tile->sharp[pixel] += weight_of(tile, sample) * sky_through(tile, sample, (float2)(t), 1.0f);
+    tile->sharp[pixel] += weight_of(tile, sample) * sky_through(tile, &viewer, (float2)(t), 1.0f);
 #endif
 }
 #endif
@@ -291,10 +288,11 @@ static void add_moment(Tile *tile, int sample, int pixel, global const Span *spa
 static void add_open(Tile *tile, int sample, int pixel)
 {
 #if SKY()
-    float4 light = sky_behind(tile, sample, 0, 0u);
+    const Viewer viewer = viewer_of(tile, sample);
+    float4 light = sky_behind(tile, &viewer, 0, 0u);
     tile->color[pixel] += weight_of(tile, sample) * light;
 #if AOV_SHARP()
-    light = sky_through(tile, sample, (float2)(moment_in(tile, window_of(tile, sample))), 1.0f);
+    light = sky_through(tile, &viewer, (float2)(moment_in(tile, viewer.window)), 1.0f);
     tile->sharp[pixel] += weight_of(tile, sample) * light;
 #endif
 #endif
@@ -321,8 +319,8 @@ static void shade_sample(Tile *tile, int row, int column)
         return;
     }
     Span always = {0.0f, 1.0f, 1.0f, tile->static_part[sample] >> PART_BITS};
-    Place place = place_of(tile, sample);
-    float3 color = span_color(tile, sample, always, place, window_of(tile, sample));
+    const Viewer viewer = viewer_of(tile, sample);
+    float3 color = span_color(tile, &viewer, always);
     tile->color[pixel] += weight_of(tile, sample) * (float4)(color, 1.0f);
     tile->depth[pixel] += weight_of(tile, sample) * (float)tile->static_depth[sample];
 #if AOV_SHARP()

@@ -51,16 +51,22 @@ static inline bool leads(global const Span *spans, uint i)
 #endif
 }
 
+// A time of a line's window, and the spans that stand before the environment.
+typedef struct {
+    float2 window, times;
+    global const Span *spans;
+    uint count;
+} Opening;
+
 // Light of the window that passes from t0 to t1 and that none of the spans takes.
-static float light_left(const Tile *tile, float2 window, float t0, float t1,
-                        global const Span *spans, uint count)
+static float light_left(const Tile *tile, const Opening *o, float t0, float t1)
 {
-    float before = light_until(&tile->scene, window, t0);
-    float left = light_until(&tile->scene, window, t1) - before;
-    for (uint i = 0; i < count; i++) {
-        float from = fmax(t0, spans[i].t0), to = fmin(t1, spans[i].t1);
-        if (leads(spans, i) && from < to)
-            left -= light_until(&tile->scene, window, to) - light_until(&tile->scene, window, from);
+    const Scene *scene = &tile->scene;
+    float left = light_until(scene, o->window, t1) - light_until(scene, o->window, t0);
+    for (uint i = 0; i < o->count; i++) {
+        float from = fmax(t0, o->spans[i].t0), to = fmin(t1, o->spans[i].t1);
+        if (leads(o->spans, i) && from < to)
+            left -= light_until(scene, o->window, to) - light_until(scene, o->window, from);
     }
     return fmax(left, 0.0f);
 }
@@ -81,16 +87,17 @@ static inline bool sky_is_smooth(const Tile *tile, Lanes3 light)
 
 // Mean of the environment in that many parts of the time without the spans. False, and none, where
 // they are too few, unless they must do.
-static bool mean_sky(const Tile *tile, const Gaze *gaze, float2 window, float2 times,
-                     global const Span *spans, uint count, int parts, bool must, float3 *mean)
+static bool mean_sky(const Tile *tile, const Gaze *gaze, const Opening *opening, int parts,
+                     bool must, float3 *mean)
 {
+    const float2 times = opening->times;
     float3 sum = 0.0f;
     float total = 0.0f, step = (times.y - times.x) / parts;
     for (int first = 0; first < parts; first += LANES) {
         float weight[LANES] = {1.0f};
         for (int i = 0; parts > 1 && i < LANES; i++)
-            weight[i] = light_left(tile, window, times.x + step * (first + i),
-                                   times.x + step * (first + i + 1), spans, count);
+            weight[i] = light_left(tile, opening, times.x + step * (first + i),
+                                   times.x + step * (first + i + 1));
         Lanes part = lanes_load(weight);
         if (!(lanes_sum(part) > 0.0f)) continue;
         Lanes3 way = ways_of(tile, gaze, sky_times(times.x, times.y, first, parts));
@@ -104,37 +111,37 @@ static bool mean_sky(const Tile *tile, const Gaze *gaze, float2 window, float2 t
     return true;
 }
 
-static float3 sky_between(const Tile *tile, const Gaze *gaze, float2 window, float2 times,
-                          global const Span *spans, uint count)
+static float3 sky_between(const Tile *tile, const Gaze *gaze, const Opening *opening)
 {
     float3 mean;
-    int parts = sky_parts(tile, gaze, times.x, times.y), most = min(8 * parts, MOST_SKY_PARTS);
+    int parts = sky_parts(tile, gaze, opening->times.x, opening->times.y);
+    int most = min(8 * parts, MOST_SKY_PARTS);
     bool alone = parts == 1;
-    while (!mean_sky(tile, gaze, window, times, spans, count, parts, alone || parts >= most,
-                     &mean))
-        parts *= 2;
+    while (!mean_sky(tile, gaze, opening, parts, alone || parts >= most, &mean)) parts *= 2;
     return mean;
 }
 
 // What the environment adds to a sample that its spans leave open: times the openness.
-static float4 sky_behind(const Tile *tile, int sample, global const Span *spans, uint count)
+static float4 sky_behind(const Tile *tile, const Viewer *viewer, global const Span *spans,
+                         uint count)
 {
     float open = 1.0f;
     for (uint i = 0; i < count; i++)
         if (leads(spans, i)) open -= spans[i].weight;
     if (!(open > NO_SKY)) return (float4)(0.0f);
-    float2 window = window_of(tile, sample);
-    Gaze gaze = gaze_at(place_of(tile, sample), 0u);
-    float3 light = sky_between(tile, &gaze, window, window, spans, count);
+    Gaze gaze = gaze_at(viewer->place, 0u);
+    const Opening opening = {viewer->window, viewer->window, spans, count};
+    float3 light = sky_between(tile, &gaze, &opening);
     return (float4)(open * light, 0.0f);
 }
 
 // Likewise through what lets `open` through between two times, which may be one.
-static float4 sky_through(const Tile *tile, int sample, float2 times, float open)
+static float4 sky_through(const Tile *tile, const Viewer *viewer, float2 times, float open)
 {
     if (!(open > NO_SKY)) return (float4)(0.0f);
-    Gaze gaze = gaze_at(place_of(tile, sample), 0u);
-    float3 light = sky_between(tile, &gaze, window_of(tile, sample), times, 0, 0u);
+    Gaze gaze = gaze_at(viewer->place, 0u);
+    const Opening opening = {viewer->window, times, 0, 0u};
+    float3 light = sky_between(tile, &gaze, &opening);
     return (float4)(open * light, 0.0f);
 }
 

@@ -45,6 +45,8 @@
 #include "analytic/moment.cl"
 #endif
 #include "analytic/resolve.cl"
+#include "shared/clock.h"
+#include "shared/tile_grid.h"
 
 // What became of a tile.
 enum { DONE, POOLS_FULL, EVENTS_FULL };
@@ -53,21 +55,6 @@ enum { DONE, POOLS_FULL, EVENTS_FULL };
 enum { PLACE, NEAREST, RASTERIZE, INTERVALS, SORT, OCCLUDE, SOLVE, ENVELOPE, MASK, STACK, SHADOW,
        SHADE, RECORD, MOMENT, RESOLVE, TESTS, HITS,
        COUNTERS };
-
-#if CLANG_BUILTINS()
-#define TICKS() __builtin_readcyclecounter()
-#else
-#define TICKS() 0ul
-#endif
-
-// Add the time since *clock to the stage's, and set the clock. Passes its argument on.
-static inline bool clocked(bool done, int stage, global ulong *ticks, ulong *clock)
-{
-    ulong now = TICKS();
-    ticks[stage] += now - *clock;
-    *clock = now;
-    return done;
-}
 
 // The stages up to shading on one piece. False, and nothing added to pixels, when a pool is full.
 static bool render_piece(Tile *tile, Frame frame, global ulong *ticks)
@@ -237,6 +224,7 @@ kernel void tile(
     global const MirrorPlane *mirror_planes,
 #endif
 #if RECORDED()
+    global float4 *added,
     global Event *events, global uint *event_count, global uint *event_end,
 #endif
     global float4 *rgba, global float *depth, global uint *met)
@@ -295,6 +283,7 @@ kernel void tile(
         .frame = frame, .background = background,
 #endif
 #if RECORDED()
+        .added = added + pool,
         .events = events, .event_capacity = grid.event_capacity,
         .event_count = event_count, .event_end = event_end,
 #endif
@@ -318,12 +307,9 @@ kernel void tile(
 
     for (uint k; (k = atomic_inc(next)) < grid.queued;) {
         uint index = queue[k];
-        tile.x = grid.x + (int)(index % grid.columns) * TILE;
-        tile.y = grid.y + (int)(index / grid.columns) * TILE;
-        tile.x_low = max(frame.x - tile.x, 0);
-        tile.x_high = min(frame.x + frame.width - tile.x, TILE);
-        tile.y_low = max(frame.y - tile.y, 0);
-        tile.y_high = min(frame.y + frame.height - tile.y, TILE);
+        TilePlace at = tile_place(grid, index, frame, TILE);
+        tile.x = at.x, tile.x_low = at.x_low, tile.x_high = at.x_high;
+        tile.y = at.y, tile.y_low = at.y_low, tile.y_high = at.y_high;
         tile.members = members + starts[index];
         tile.member_count = starts[index + 1] - starts[index];
         tile.static_count = count_static(&tile);

@@ -100,6 +100,7 @@ typedef struct {
     global uint *operations;     // per pixel
 #endif
 #if RECORDED()
+    global float4 *added;        // pool: what each layer of the stack at hand adds
     global Event *events;        // pool of all work-items
     global uint *event_count;    // that room was asked for so far
     global uint *event_end;      // of those that found room

@@ -406,27 +406,25 @@ static Lanes3 reflect_light(const Scene *scene, const Shaded *s, const Attribute
 #endif
     position.x += sight->w * ray.x, position.y += sight->w * ray.y;
     position.z += sight->w * ray.z;
-    Lanes3 view = lanes_unit(lanes_scaled(ray, -1.0f)), normal = normals_seen(s, a, view);
+    Lanes3 view = lanes_unit(lanes_scaled(ray, -1.0f));
+    LitPoints points = {color, position, normals_seen(s, a, view), view, 0};
 #if METALLIC()
-    const Gloss *gloss = s->material.flags & MATERIAL_METALLIC ? &a->gloss : 0;
-#else
-    const Gloss *gloss = 0;
+    if (s->material.flags & MATERIAL_METALLIC) points.gloss = &a->gloss;
+#endif
+#if SHADOWS()
+    points.lit = a->lit;
 #endif
     global const Light *lights = scene->lights;
 #if MIRRORS()
     lights += s->mesh.world * scene->numbers.light_count; // those of each world in turn
 #endif
-    Lanes3 sum = reflected(&s->material, gloss, color, position, normal, view, lights,
-#if SHADOWS()
-                           a->lit,
-#endif
-                           scene->numbers.light_count);
+    Lanes3 sum = reflected(&s->material, &points, lights, scene->numbers.light_count);
 #if LIGHT_AROUND()
 #if MIRRORS()
-    normal = unmirrored(scene, s->mesh.world, normal);
-    view = unmirrored(scene, s->mesh.world, view);
+    points.normal = unmirrored(scene, s->mesh.world, points.normal);
+    points.view = unmirrored(scene, s->mesh.world, points.view);
 #endif
-    Lanes3 around = light_around(scene, s->mesh.map, gloss, color, normal, view, t, count);
+    Lanes3 around = light_around(scene, s->mesh.map, &points, t, count);
     sum.x += around.x, sum.y += around.y, sum.z += around.z;
 #endif
     return sum;

@@ -1,7 +1,7 @@
 // The effects that a render may call for: each is a macro, 1 where it does and 0 where it does not,
 // as in `#if LENS()`. Any other name does not compile, as a misspelt effect would not.
 //
-// The host gives -DMB_LENS for LENS, and so on; its own list is KERNEL_EFFECTS in mbinterval/device.
+// The host gives the option -DMB_LENS for LENS, and so on (KERNEL_EFFECTS in Python is this list).
 // What is not called for leaves no code. Options with numbers are sizes: TILE, MASK_BITS,
 // SHADOW_LIGHTS, MOST_SLABS, CULL_TILE, STRATA_U, STRATA_V, STRATA_T, FRAMELESS_PIXELS and
 // FRAMELESS_STEP.

@@ -64,11 +64,14 @@ static inline Lanes3 mirrored_way(Lanes3 normal, Lanes3 view)
 
 // What surfaces reflect to `view` of the light around them at times t: they scatter that of the
 // environment, and mirror that of the cube map `map`. `count` of them matter.
-static INLINED Lanes3 light_around(const Scene *scene, uint map, const Gloss *gloss, Lanes3 color,
-                                   Lanes3 normal, Lanes3 view, Lanes t, int count)
+static INLINED Lanes3 light_around(const Scene *scene, uint map, const LitPoints *points, Lanes t,
+                                   int count)
 {
+    Lanes3 color = points->color;
+    const Lanes3 normal = points->normal, view = points->view;
     Lanes3 sum = {0.0f, 0.0f, 0.0f};
 #if METALLIC()
+    const Gloss *gloss = points->gloss;
     Facets facets;
     Shares shares;
     if (gloss) {

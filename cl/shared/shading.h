@@ -103,17 +103,25 @@ static INLINED Lanes3 facets_reflect(const Facets *f, Lanes3 normal, Lanes3 view
 
 #endif
 
+// Points of a surface: colours, places, unit normals and the way to the eye.
+typedef struct {
+    Lanes3 color, position, normal, view;
+    const Gloss *gloss; // of a surface that has one, else 0
+#if SHADOWS()
+    const Lanes *lit;   // shares of the light of those that cast shadows
+#endif
+} LitPoints;
+
 // Light reflected to `view` (towards the eye) by points with unit normals: by Phong's model (1975),
 // or by that of glTF where the surface has a gloss. Without a factor of pi: a white wall that faces
 // a light of colour 1 has colour 1.
-static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 color,
-                        Lanes3 position, Lanes3 normal, Lanes3 view, global const Light *lights,
-#if SHADOWS()
-                        const Lanes *lit,
-#endif
-                        uint light_count)
+static Lanes3 reflected(const Material *material, const LitPoints *points,
+                        global const Light *lights, uint light_count)
 {
+    const Lanes3 color = points->color, position = points->position;
+    const Lanes3 normal = points->normal, view = points->view;
 #if METALLIC()
+    const Gloss *gloss = points->gloss;
     Facets facets;
     if (gloss) facets = facets_of(gloss, color);
 #endif
@@ -155,7 +163,7 @@ static Lanes3 reflected(const Material *material, const Gloss *gloss, Lanes3 col
         }
 #endif
 #if SHADOWS()
-        if (light.shadow != NONE) strength *= lit[light.shadow];
+        if (light.shadow != NONE) strength *= points->lit[light.shadow];
 #endif
         Lanes cosine = lanes_dot(normal, towards);
         cosine = cosine > 0.0f ? cosine : (Lanes)(0.0f);

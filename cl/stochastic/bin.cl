@@ -16,17 +16,26 @@ typedef struct {
     Lanes left, right, top, bottom;
 } Boxes;
 
-static Boxes boxes_of(global const Vertex *vertices, global const Mesh *meshes,
-                      global const Camera *cameras, Path path, ListGrid grid)
+// What is filed.
+typedef struct {
+    global const Vertex *vertices;
+    global const Path *paths;
+    global const Bounds *bounds; // of the paths
+    global const Mesh *meshes;
+    global const Camera *cameras;
+    global const uint *order;    // the paths', from near to far
+} Filed;
+
+static Boxes boxes_of(const Filed *filed, Path path, ListGrid grid)
 {
     const uint corner[3] = {path.a, path.b, path.c};
 #if GLOSSY()
-    Shear shear = load_shear(cameras, meshes + path.mesh, path);
+    Shear shear = load_shear(filed->cameras, filed->meshes + path.mesh, path);
 #endif
     Boxes boxes = {INFINITY, -INFINITY, INFINITY, -INFINITY};
     LaneMask behind = 0;
     for (int i = 0; i < 3; i++) {
-        Vertex q = vertices[corner[i]], r = vertices[corner[i] + path.step];
+        Vertex q = filed->vertices[corner[i]], r = filed->vertices[corner[i] + path.step];
         double size = exp2(-floor(log2(fmax(fmax(fabs(q.w), fabs(r.w)), 1e-37))));
         float x = (float)(size * (q.x - grid.x * q.w)), y = (float)(size * (q.y - grid.y * q.w));
         float dx = (float)(size * (r.x - grid.x * r.w)) - x;
@@ -68,17 +77,16 @@ static Boxes boxes_of(global const Vertex *vertices, global const Mesh *meshes,
 }
 
 // Count (entries == 0) or file one chunk. `place` has one number per tile for this chunk.
-static void bin_chunk(global const Vertex *vertices, global const Path *paths,
-                      global const Bounds *bounds, global const Mesh *meshes,
-                      global const Camera *cameras, global const uint *order, ListGrid grid,
-                      uint chunk, global uint *place, global uint *entries)
+static void bin_chunk(const Filed *filed, ListGrid grid, uint chunk, global uint *place,
+                      global uint *entries)
 {
     uint begin = chunk * grid.chunk, end = min(begin + grid.chunk, grid.paths);
     // A pixel's samples lie from x_low to x_high of it: a tile's to size - 1 + x_high.
     float size = grid.size, right_of = size - 1 + grid.x_high, below = size - 1 + grid.y_high;
     for (uint i = begin; i < end; i++) {
-        if (bounds[order[i]].flags & BOUNDS_CULLED) continue;
-        Boxes boxes = boxes_of(vertices, meshes, cameras, paths[order[i]], grid);
+        uint path = filed->order[i];
+        if (filed->bounds[path].flags & BOUNDS_CULLED) continue;
+        Boxes boxes = boxes_of(filed, filed->paths[path], grid);
         float top = ceil((lanes_least(boxes.top) - below) / size);
         float bottom = floor((-lanes_least(-boxes.bottom) - grid.y_low) / size);
         int first = (int)fmin(fmax(top, 0.0f), (float)grid.rows);
@@ -93,7 +101,7 @@ static void bin_chunk(global const Vertex *vertices, global const Path *paths,
             int to = (int)fmax(fmin(right, grid.columns - 1.0f), -1.0f);
             for (int column = from; column <= to; column++) {
                 uint at = place[row * grid.columns + column]++;
-                if (entries != 0) entries[at] = order[i];
+                if (entries != 0) entries[at] = path;
             }
         }
     }
@@ -107,7 +115,8 @@ kernel void bin_count(global const Vertex *vertices, global const Path *paths,
     uint tiles = grid.columns * grid.rows;
     global uint *place = counts + (size_t)get_global_id(0) * tiles;
     for (uint i = 0; i < tiles; i++) place[i] = 0;
-    bin_chunk(vertices, paths, bounds, meshes, cameras, order, grid, get_global_id(0), place, 0);
+    Filed filed = {vertices, paths, bounds, meshes, cameras, order};
+    bin_chunk(&filed, grid, get_global_id(0), place, 0);
 }
 
 kernel void bin_file(global const Vertex *vertices, global const Path *paths,
@@ -116,6 +125,6 @@ kernel void bin_file(global const Vertex *vertices, global const Path *paths,
                      global uint *counts, global uint *members)
 {
     uint tiles = grid.columns * grid.rows;
-    bin_chunk(vertices, paths, bounds, meshes, cameras, order, grid, get_global_id(0),
-              counts + (size_t)get_global_id(0) * tiles, members);
+    Filed filed = {vertices, paths, bounds, meshes, cameras, order};
+    bin_chunk(&filed, grid, get_global_id(0), counts + (size_t)get_global_id(0) * tiles, members);
 }

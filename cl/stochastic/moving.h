@@ -56,6 +56,13 @@ typedef struct {
     Lanes t;
 } Samples;
 
+// Those of a slab in one block, and their times in a path's segment.
+typedef struct {
+    int index;
+    Samples at;
+    Lanes tau;
+} SlabSamples;
+
 static inline Samples load_samples(const Tile *tile, int index)
 {
     Samples s;

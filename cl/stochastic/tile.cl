@@ -10,23 +10,13 @@
 #include "stochastic/sky_at_samples.h"
 #endif
 #include "stochastic/resolve.cl"
+#include "shared/clock.h"
+#include "shared/tile_grid.h"
 
 // What a work-item counts: ticks of each stage, then its statistics.
-enum { SCATTER, SAMPLE, SHADE, RESOLVE, STATISTICS_FIRST, COUNTERS = STATISTICS_FIRST + 8 };
-
-#if CLANG_BUILTINS()
-#define TICKS() __builtin_readcyclecounter()
-#else
-#define TICKS() 0ul
-#endif
-
-// Add the time since *clock to the stage's, and set the clock.
-static inline void clocked(int stage, global ulong *ticks, ulong *clock)
-{
-    ulong now = TICKS();
-    ticks[stage] += now - *clock;
-    *clock = now;
-}
+enum { SCATTER, SAMPLE, SHADE, RESOLVE,
+       BOUNDED, VISITED, STAGE1, TESTS, HITS, DEPTH_TESTS, TEXELS, TEXEL_LINES,
+       COUNTERS };
 
 static void render_tile(Tile *tile, global ulong *ticks)
 {
@@ -48,7 +38,7 @@ static void render_tile(Tile *tile, global ulong *ticks)
     for (tile->group = 0; tile->group < samples; tile->group += slabs) {
         tile->slabs = min(slabs, samples - tile->group);
         scatter(tile);
-        clocked(SCATTER, ticks, &clock);
+        clocked(true, SCATTER, ticks, &clock);
         sample(tile);
 #if MIRRORS()
         tile->has_mirrors = find_mirrors(tile);
@@ -58,12 +48,12 @@ static void render_tile(Tile *tile, global ulong *ticks)
             leave_mirrors(tile);
         }
 #endif
-        clocked(SAMPLE, ticks, &clock);
+        clocked(true, SAMPLE, ticks, &clock);
         shade(tile);
 #if SKY()
         add_sky(tile);
 #endif
-        clocked(SHADE, ticks, &clock);
+        clocked(true, SHADE, ticks, &clock);
     }
 }
 
@@ -168,20 +158,20 @@ kernel void tile(
 
     for (uint k; (k = atomic_inc(next)) < grid.queued;) {
         uint index = queue[k];
-        tile.x = grid.x + (int)(index % grid.columns) * TILE;
-        tile.y = grid.y + (int)(index / grid.columns) * TILE;
-        tile.x_low = max(frame.x - tile.x, 0),
-        tile.x_high = min(frame.x + frame.width - tile.x, TILE);
-        tile.y_low = max(frame.y - tile.y, 0),
-        tile.y_high = min(frame.y + frame.height - tile.y, TILE);
+        TilePlace at = tile_place(grid, index, frame, TILE);
+        tile.x = at.x, tile.x_low = at.x_low, tile.x_high = at.x_high;
+        tile.y = at.y, tile.y_low = at.y_low, tile.y_high = at.y_high;
         place_frame(&tile);
         tile.members = members + starts[index];
         tile.member_count = starts[index + 1] - starts[index];
         render_tile(&tile, counters);
         ulong clock = TICKS();
         resolve(&tile, frame, background, rgba, depth, seen);
-        clocked(RESOLVE, counters, &clock);
+        clocked(true, RESOLVE, counters, &clock);
     }
-    const ulong *counted = (const ulong *)&tile.statistics;
-    for (int i = STATISTICS_FIRST; i < COUNTERS; i++) counters[i] += counted[i - STATISTICS_FIRST];
+    const Statistics *s = &tile.statistics;
+    counters[BOUNDED] += s->bounded, counters[VISITED] += s->visited;
+    counters[STAGE1] += s->stage1, counters[TESTS] += s->tests;
+    counters[HITS] += s->hits, counters[DEPTH_TESTS] += s->depth_tests;
+    counters[TEXELS] += s->texels, counters[TEXEL_LINES] += s->texel_lines;
 }

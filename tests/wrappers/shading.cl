@@ -42,8 +42,9 @@ kernel void reflections(global const Material *materials, global const float *gi
             v[k].x = row[3 * k], v[k].y = row[3 * k + 1], v[k].z = row[3 * k + 2];
         Material material = materials[0];
         Gloss gloss = {material.metallic, material.roughness};
-        Lanes3 seen = reflected(&material, material.flags & MATERIAL_METALLIC ? &gloss : 0, v[0],
-                                v[1], v[2], v[3], lights, light_count);
+        LitPoints points = {v[0], v[1], v[2], v[3],
+                            material.flags & MATERIAL_METALLIC ? &gloss : 0};
+        Lanes3 seen = reflected(&material, &points, lights, light_count);
         vstore3(LANE3(seen, 3), i, colors);
     }
 }

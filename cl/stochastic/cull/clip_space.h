@@ -140,12 +140,12 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
 }
 
 static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                     const Bounded *b, const Samples *s, Lanes tau, int slab,
-                                     LaneMask mask)
+                                     const Bounded *b, const SlabSamples *slab, LaneMask mask)
 {
 #if LENS()
-    mask &= (s->u >= b->low[0]) & (s->u <= b->high[0]) & (s->v >= b->low[1]) & (s->v <= b->high[1]);
-    Lanes lens[2] = {s->u, s->v};
+    Lanes lens[2] = {slab->at.u, slab->at.v};
+    for (int axis = 0; axis < 2; axis++)
+        mask &= (lens[axis] >= b->low[axis]) & (lens[axis] <= b->high[axis]);
 #else
     Lanes lens[2] = {0.0f, 0.0f};
 #endif
@@ -153,7 +153,7 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
     for (int k = 0; k < 4; k++) {
         const Line *line = b->lines + k;
         mask &= (line->side == 0.0f)
-                | (line->side * (tau - (line->from + line->by * lens[k / 2])) <= 0.0f);
+                | (line->side * (slab->tau - (line->from + line->by * lens[k / 2])) <= 0.0f);
     }
     return mask;
 }

@@ -76,12 +76,11 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
 }
 
 static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                     const Bounded *b, const Samples *s, Lanes tau, int slab,
-                                     LaneMask mask)
+                                     const Bounded *b, const SlabSamples *slab, LaneMask mask)
 {
     Lanes lens[2] = {0.0f, 0.0f};
 #if LENS()
-    lens[0] = s->u, lens[1] = s->v;
+    lens[0] = slab->at.u, lens[1] = slab->at.v;
     for (int axis = 0; axis < 2; axis++)
         mask &= (lens[axis] >= b->lens_low[axis]) & (lens[axis] <= b->lens_high[axis]);
 #endif
@@ -91,7 +90,7 @@ static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cu
         Lanes part = 0.5f * (lens[axis] + 1.0f);
         Lanes low = b->t_low[axis][0] + part * (b->t_low[axis][1] - b->t_low[axis][0]);
         Lanes high = b->t_high[axis][0] + part * (b->t_high[axis][1] - b->t_high[axis][0]);
-        mask &= (tau >= low) & (tau <= high);
+        mask &= (slab->tau >= low) & (slab->tau <= high);
     }
     return mask;
 }

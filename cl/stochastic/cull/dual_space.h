@@ -143,14 +143,14 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
 }
 
 static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                     const Bounded *b, const Samples *s, Lanes tau, int slab,
-                                     LaneMask mask)
+                                     const Bounded *b, const SlabSamples *slab, LaneMask mask)
 {
 #if LENS()
-    mask &= (s->u >= b->u_low) & (s->u <= b->u_high) & (s->v >= b->v_low) & (s->v <= b->v_high);
+    const Lanes u = slab->at.u, v = slab->at.v;
+    mask &= (u >= b->u_low) & (u <= b->u_high) & (v >= b->v_low) & (v <= b->v_high);
 #endif
     COUNT(tile, stage1, mask);
-    return mask & (tau >= b->t_low) & (tau <= b->t_high);
+    return mask & (slab->tau >= b->t_low) & (slab->tau <= b->t_high);
 }
 
 #include "stochastic/cull/scan_paths.h"

@@ -79,8 +79,7 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
 }
 
 static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                     LaneMask mask)
+                                     const Bounded *bounded, const SlabSamples *slab, LaneMask mask)
 {
     return mask;
 }

@@ -36,17 +36,16 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
 }
 
 static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                     LaneMask mask)
+                                     const Bounded *bounded, const SlabSamples *slab, LaneMask mask)
 {
     Lanes left = INFINITY, right = -INFINITY, top = INFINITY, bottom = -INFINITY;
     LaneMask behind = 0;
     for (int i = 0; i < 3; i++) {
-        Lanes w = m->w[i] + tau * m->dw[i], over = 1.0f / w, slack = m->slack * over + 1e-3f;
-        Lanes x = m->x[i] + tau * m->dx[i], y = m->y[i] + tau * m->dy[i];
+        Lanes w = m->w[i] + slab->tau * m->dw[i], over = 1.0f / w, slack = m->slack * over + 1e-3f;
+        Lanes x = m->x[i] + slab->tau * m->dx[i], y = m->y[i] + slab->tau * m->dy[i];
 #if LENS()
-        Lanes circle = m->c[i] + tau * m->dc[i];
-        x += s->u * circle, y += s->v * circle;
+        Lanes circle = m->c[i] + slab->tau * m->dc[i];
+        x += slab->at.u * circle, y += slab->at.v * circle;
 #endif
         behind |= !(w > m->slack);
         left = lanes_min(left, x * over - slack), right = lanes_max(right, x * over + slack);

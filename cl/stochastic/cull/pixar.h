@@ -48,13 +48,12 @@ static INLINED LaneInts stratum_along(Lanes place, int count)
 }
 
 static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                     LaneMask mask)
+                                     const Bounded *bounded, const SlabSamples *slab, LaneMask mask)
 {
-    LaneInts stratum = stratum_along(s->t, STRATA_T) * (STRATA_U * STRATA_V);
+    LaneInts stratum = stratum_along(slab->at.t, STRATA_T) * (STRATA_U * STRATA_V);
 #if LENS()
-    stratum += stratum_along(0.5f * s->u + 0.5f, STRATA_U);
-    stratum += stratum_along(0.5f * s->v + 0.5f, STRATA_V) * STRATA_U;
+    stratum += stratum_along(0.5f * slab->at.u + 0.5f, STRATA_U);
+    stratum += stratum_along(0.5f * slab->at.v + 0.5f, STRATA_V) * STRATA_U;
 #endif
     float left[LANES], right[LANES], top[LANES], bottom[LANES];
     for (int i = 0; i < LANES; i++) {

@@ -26,13 +26,13 @@ static void scan_block(Tile *tile, const Moving *m, const Cull *cull, int block)
     Bounded bounded;
     LaneMask pixels = bound_pixels(tile, m, cull, block, &bounded);
     if (!any_lane(pixels)) return;
-    for (int slab = 0; slab < tile->slabs; slab++) {
-        Samples s = load_samples(tile, sample_index(slab, block));
-        Lanes tau = time_in_segment(m, s.t);
-        LaneMask mask = pixels & in_segment(m, s.t);
+    for (int k = 0; k < tile->slabs; k++) {
+        SlabSamples slab = {.index = k, .at = load_samples(tile, sample_index(k, block))};
+        slab.tau = time_in_segment(m, slab.at.t);
+        LaneMask mask = pixels & in_segment(m, slab.at.t);
         COUNT(tile, visited, mask);
-        mask = keep_samples(tile, m, cull, &bounded, &s, tau, slab, mask);
-        if (any_lane(mask)) test_samples(tile, m, slab, block, mask, is_first(cull, slab));
+        mask = keep_samples(tile, m, cull, &bounded, &slab, mask);
+        if (any_lane(mask)) test_samples(tile, m, k, block, mask, is_first(cull, k));
     }
 }
 

@@ -41,12 +41,11 @@ static INLINED LaneMask bound_pixels(Tile *tile, const Moving *m, const Cull *cu
 }
 
 static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
-                                     const Bounded *bounded, const Samples *s, Lanes tau, int slab,
-                                     LaneMask mask)
+                                     const Bounded *bounded, const SlabSamples *slab, LaneMask mask)
 {
 #if CULL_ZMAX_STRATA()
-    float2 t = times_of_slab(tile, m, slab);
-    if (least_depth(m, t.x, t.y) > far_of_slab(tile, slab)) mask = 0;
+    float2 t = times_of_slab(tile, m, slab->index);
+    if (least_depth(m, t.x, t.y) > far_of_slab(tile, slab->index)) mask = 0;
 #endif
     return mask;
 }
