@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from kernels import plan_of
+from kernels import plan_of, run
 from nightly import nightly
 from point_samples import drawn_in_frame
 from reference.point_samples import Drawn
@@ -314,3 +314,44 @@ def test_crops_are_parts_of_the_frame_and_seeds_change_it():
     whole = mb.render(random_scene(0), width=48, height=32, settings=settings)
     crop = mb.render(random_scene(0), width=48, height=32, settings=settings, crop=(5, 3, 30, 20))
     assert np.array_equal(crop.rgba, whole.rgba[3:23, 5:35])
+
+
+def order(seeds: np.ndarray, count: int) -> np.ndarray:
+    """Places ``(count, S)`` of 0 ... count - 1 in the orders of ``seeds``, after Kensler 2013."""
+    mask = np.uint32((1 << int(count - 1).bit_length()) - 1)
+    places = np.arange(count, dtype=np.uint32)[:, None] + np.zeros_like(seeds)
+    again = np.ones(places.shape, bool)
+    while again.any():
+        x = places.copy()
+        x ^= seeds
+        x *= np.uint32(0xE170893D)
+        x ^= seeds >> np.uint32(16)
+        x ^= (x & mask) >> np.uint32(4)
+        x ^= seeds >> np.uint32(8)
+        x *= np.uint32(0x0929EB3F)
+        x ^= seeds >> np.uint32(23)
+        x ^= (x & mask) >> np.uint32(1)
+        x *= np.uint32(1) | seeds >> np.uint32(27)
+        for factor, shift in ((0x6935FA69, 11), (0x74DCB303, 2), (0x9E501CC3, 2)):
+            x *= np.uint32(factor)
+            x ^= (x & mask) >> np.uint32(shift)
+        x *= np.uint32(0xC860A3DF)
+        x &= mask
+        x ^= x >> np.uint32(5)
+        places = np.where(again, x, places)
+        again = places >= count
+    return (places + seeds) % np.uint32(count)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 64, 100, 1000])
+def test_random_orders_are_kenslers_whatever_the_seed(count):
+    """Seeds next to 2^32 too, where a place and the seed together overflow."""
+    rng = np.random.default_rng(count)
+    ends = np.array([0, 1, count, *range(2**32 - 6, 2**32)], np.uint32)
+    seeds = np.append(ends, rng.integers(0, 2**32, 16 - len(ends), np.uint32))
+    plan = plan_of(moving(), mb.Settings(method="stochastic", pattern="jittered"), *SIZE)[2]
+    places = np.zeros((count, 16), np.uint32)
+    *_, places = run("scatter.cl", "orders", [seeds, np.uint32(count), places], plan.options)
+    assert np.array_equal(places, order(seeds, count))
+    whole = np.sort(places[:, :3], axis=0) == np.arange(count)[:, None]
+    assert whole.all()

@@ -22,34 +22,74 @@ typedef struct {
     Lanes x, y, t, u, v, a, b;
 } Drawn;
 
-// Seeds of a block's pixels, one for each dimension.
-typedef struct {
-    LaneUints x, y, t, u, v, a, b;
-} Seeds;
-
-static Seeds seeds_of(const Tile *tile, int block)
+// What is left of x, below three times n, modulo n.
+static INLINED LaneUints within(LaneUints x, uint n)
 {
-    LaneUints pixel = pixel_seeds(tile, block);
-    Seeds seeds = {mix_lanes(pixel + 1u), mix_lanes(pixel + 2u), mix_lanes(pixel + 3u),
-                   mix_lanes(pixel + 4u), mix_lanes(pixel + 5u), mix_lanes(pixel + 6u),
-                   mix_lanes(pixel + 7u)};
-    return seeds;
-}
-
-#if PATTERN_JITTERED() || PATTERN_FIXED()
-// x modulo n: a quotient that is at most two too small comes from the reciprocal.
-static INLINED LaneUints modulo(LaneUints x, uint n)
-{
-    x -= n * mul_hi(x, (LaneUints)(~0u / n));
     x -= x >= n ? (LaneUints)(n) : (LaneUints)(0u);
     return x - (x >= n ? (LaneUints)(n) : (LaneUints)(0u));
 }
 
-// Place of l in a random order of 0 ... n - 1, one for each seed (Kensler 2013).
-static INLINED LaneUints permuted(uint l, LaneUints seed, uint n)
+// x modulo n: a quotient that is at most two too small comes from the reciprocal.
+static INLINED LaneUints modulo(LaneUints x, uint n)
 {
-    uint mask = n - 1u;
+    return within(x - n * mul_hi(x, (LaneUints)(~0u / n)), n);
+}
+
+// Random orders of 0 ... count - 1, one for each seed. Nothing is divided once this is known.
+typedef struct {
+    LaneUints seed, turn; // the seeds, and what is left of them modulo count
+    uint count, mask;     // all bits that the numbers have
+    uint wrap;            // what -2^32 is modulo count, from 1 on
+} Orders;
+
+static INLINED Orders orders_of(LaneUints seed, uint count)
+{
+    Orders orders = {.seed = seed, .turn = modulo(seed, count), .count = count};
+    uint mask = count - 1u;
     mask |= mask >> 1, mask |= mask >> 2, mask |= mask >> 4, mask |= mask >> 8;
+    orders.mask = mask;
+    orders.wrap = count - (0u - count) % count;
+    return orders;
+}
+
+// What the samples of a block's pixels are drawn with: seeds, one for each dimension, and what
+// follows from their number.
+typedef struct {
+    LaneUints x, y, t, u, v, a, b;
+    float over_samples;
+#if PATTERN_JITTERED() || PATTERN_FIXED()
+    Orders order_x;
+#endif
+#if PATTERN_JITTERED()
+    Orders order_u;
+    float columns, over_columns, over_rows; // of the grid of cells
+#endif
+} Seeds;
+
+static Seeds seeds_of(const Tile *tile, int block)
+{
+    const Numbers *n = &tile->scene.numbers;
+    LaneUints pixel = pixel_seeds(tile, block);
+    Seeds seeds = {mix_lanes(pixel + 1u), mix_lanes(pixel + 2u), mix_lanes(pixel + 3u),
+                   mix_lanes(pixel + 4u), mix_lanes(pixel + 5u), mix_lanes(pixel + 6u),
+                   mix_lanes(pixel + 7u), 1.0f / n->samples};
+#if PATTERN_JITTERED() || PATTERN_FIXED()
+    seeds.order_x = orders_of(seeds.x, n->samples);
+#endif
+#if PATTERN_JITTERED()
+    seeds.order_u = orders_of(seeds.u, n->samples);
+    seeds.columns = (uint)n->columns, seeds.over_columns = 1.0f / (uint)n->columns;
+    seeds.over_rows = 1.0f / (uint)(n->samples / n->columns);
+#endif
+    return seeds;
+}
+
+#if PATTERN_JITTERED() || PATTERN_FIXED()
+// Place of l in each of the orders (Kensler 2013).
+static INLINED LaneUints permuted(uint l, const Orders *orders)
+{
+    const LaneUints seed = orders->seed;
+    const uint mask = orders->mask, n = orders->count;
     LaneUints i = l;
     LaneInts again = -1;
     while (any_lane(again)) {
@@ -62,20 +102,21 @@ static INLINED LaneUints permuted(uint l, LaneUints seed, uint n)
         i = again ? x : i;
         again = i >= (LaneUints)(n);
     }
-    return modulo(i + seed, n);
+    // i + seed modulo n, where the sum may be 2^32 too small.
+    LaneUints lost = i + seed < seed ? (LaneUints)(orders->wrap) : (LaneUints)(0u);
+    return within(i + orders->turn + lost, n);
 }
 #endif
 
 #if PATTERN_JITTERED()
 // A random point in sample l's cell of a grid over the unit square.
-static INLINED void jitter_in_cell(const Numbers *n, uint l, LaneUints seed_x, LaneUints seed_y,
-                                   Lanes *x, Lanes *y)
+static INLINED void jitter_in_cell(const Seeds *seeds, uint l, const Orders *orders,
+                                   LaneUints seed_y, Lanes *x, Lanes *y)
 {
-    const uint columns = n->columns, rows = n->samples / n->columns;
-    LaneUints cell = permuted(l, seed_x, n->samples);
-    Lanes row = floor((to_lanes(cell) + 0.5f) * (1.0f / columns));
-    *x = (to_lanes(cell) - row * columns + hashed(l, seed_x)) * (1.0f / columns);
-    *y = (row + hashed(l, seed_y)) * (1.0f / rows);
+    LaneUints cell = permuted(l, orders);
+    Lanes row = floor((to_lanes(cell) + 0.5f) * seeds->over_columns);
+    *x = (to_lanes(cell) - row * seeds->columns + hashed(l, orders->seed)) * seeds->over_columns;
+    *y = (row + hashed(l, seed_y)) * seeds->over_rows;
 }
 #endif
 
@@ -87,7 +128,7 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
 #if GLOSSY()
     d.a = hashed(l, seeds->a), d.b = hashed(l, seeds->b);
 #endif
-    d.t = ((float)l + hashed(l, seeds->t)) * (1.0f / tile->scene.numbers.samples);
+    d.t = ((float)l + hashed(l, seeds->t)) * seeds->over_samples;
     d.x = d.y = 0.0f;
 #if PATTERN_SOBOL()
 #if LENS()
@@ -107,12 +148,12 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.x = hashed(l, seeds->x), d.y = hashed(l, seeds->y);
     d.u = hashed(l, seeds->u), d.v = hashed(l, seeds->v);
 #elif PATTERN_JITTERED()
-    jitter_in_cell(&tile->scene.numbers, l, seeds->x, seeds->y, &d.x, &d.y);
-    jitter_in_cell(&tile->scene.numbers, l, seeds->u, seeds->v, &d.u, &d.v);
+    jitter_in_cell(seeds, l, &seeds->order_x, seeds->y, &d.x, &d.y);
+    jitter_in_cell(seeds, l, &seeds->order_u, seeds->v, &d.u, &d.v);
 #elif PATTERN_FIXED()
     uint slot[LANES];
     float x[LANES], y[LANES];
-    lanes_store(permuted(l, seeds->x, tile->scene.numbers.samples), slot);
+    lanes_store(permuted(l, &seeds->order_x), slot);
     for (int i = 0; i < LANES; i++)
         x[i] = tile->scene.slots[slot[i]].x_low, y[i] = tile->scene.slots[slot[i]].y_low;
     d.x = lanes_load(x), d.y = lanes_load(y);

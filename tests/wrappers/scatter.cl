@@ -1,4 +1,5 @@
 // The samples of one tile, all of them in one group.
+#include "shared/effects.h"
 #include "stochastic/scatter.cl"
 
 kernel void scatter_tile(global const Slot *slots, global const float *filter,
@@ -15,3 +16,12 @@ kernel void scatter_tile(global const Slot *slots, global const float *filter,
     tile.owners = owners;
     scatter(&tile);
 }
+
+#if PATTERN_JITTERED()
+// Places of 0 ... count - 1 in the orders of sixteen seeds.
+kernel void orders(global const uint *seeds, uint count, global uint *places)
+{
+    Orders orders = orders_of(lanes_load(seeds), count);
+    for (uint l = 0; l < count; l++) lanes_store(permuted(l, &orders), places + LANES * l);
+}
+#endif
