@@ -45,19 +45,24 @@ static INLINED Lanes lanes_shift(float value, float value_low, Lanes position, f
            + fma(-position, (Lanes)(weight_low), (Lanes)(value_low));
 }
 
-static INLINED bool append_fragments(Tile *tile, int row, int column, int count, uint part,
-                                     float w_scale, LaneMask inside, Lanes t, Lanes w)
+// Up to 16 samples of one row, the first of them at `column`.
+typedef struct {
+    int row, column, count;
+} Strip;
+
+static INLINED bool append_fragments(Tile *tile, Strip strip, uint part, LaneMask inside, Lanes t,
+                                     Lanes w)
 {
     float times[LANES], ws[LANES];
     int hit[LANES];
     lanes_store(t, times);
-    lanes_store(w * w_scale, ws);
+    lanes_store(w, ws);
     lanes_store(inside, hit);
-    for (int i = 0; i < count; i++) {
+    for (int i = 0; i < strip.count; i++) {
         if (!hit[i]) continue;
         if (tile->fragment_count == tile->capacity) return false;
         uint node = tile->fragment_count++;
-        int sample = row * TILE + column + i;
+        int sample = strip.row * TILE + strip.column + i;
         Fragment fragment = {times[i], ws[i], part, tile->heads[sample]};
         tile->fragments[node] = fragment;
         tile->heads[sample] = (int)node;
@@ -65,13 +70,21 @@ static INLINED bool append_fragments(Tile *tile, int row, int column, int count,
     return true;
 }
 
-// All faces of the surface on up to 16 samples of one row, the first of them at `column`.
-static bool rasterize_samples(Tile *tile, const Surface *surface, uint path_index, Path path,
-                              float w_scale, const float *y, int row, int column, int count)
+// What fragments of a path are made with.
+typedef struct {
+    const Surface *surface;
+    uint path;
+    float open, length; // of its motion segment, in the shutter
+    float w_scale;      // to undo the surface's scale
+} Source;
+
+// All faces of a path's surface on samples, relative to which the corners' y are given.
+static bool rasterize_samples(Tile *tile, const Source *source, const float *y, Strip strip)
 {
+    const Surface *surface = source->surface;
     Lanes x[CORNERS];
-    Lanes sample = to_lanes((int)(tile->x + column) + to_lane_ints(LANE_INDEX))
-                   + tile->scene.slots[tile->layer + row / TILE].x_low;
+    Lanes sample = to_lanes((int)(tile->x + strip.column) + to_lane_ints(LANE_INDEX))
+                   + tile->scene.slots[tile->layer + strip.row / TILE].x_low;
     int below = 0;
     for (int i = 0; i < CORNERS; i++) {
         x[i] = lanes_shift(surface->x[i], surface->x_low[i], sample, surface->w[i],
@@ -97,8 +110,8 @@ static bool rasterize_samples(Tile *tile, const Surface *surface, uint path_inde
         Lanes t = (a.time * to_a + b.time * to_b) * over;
         inside &= w > 0.0f;
         if (!any_lane(inside)) continue;
-        if (!append_fragments(tile, row, column, count, path_index << PART_BITS | face, w_scale,
-                              inside, path.open + path_length(path) * t, w))
+        if (!append_fragments(tile, strip, source->path << PART_BITS | face, inside,
+                              source->open + source->length * t, w * source->w_scale))
             return false;
     }
     return true;
@@ -111,6 +124,7 @@ static bool rasterize_rows(Tile *tile, const Surface *surface, uint path_index, 
     global const Shape *shape = tile->shapes + path_index;
     if (!walk_rows(tile, shape, first_row, first, last)) return true;
     Path path = tile->scene.paths[path_index];
+    const Source source = {surface, path_index, path.open, path_length(path), 1.0f / shape->scale};
     for (int i = 0; i < min(LANES, TILE - first_row % TILE); i++) {
         if (first[i] > last[i]) continue;
         int row = first_row + i;
@@ -118,10 +132,10 @@ static bool rasterize_rows(Tile *tile, const Surface *surface, uint path_index, 
         for (int k = 0; k < CORNERS; k++)
             y[k] = fma(-sample, surface->w[k], surface->y[k])
                    + fma(-sample, surface->w_low[k], surface->y_low[k]);
-        for (int column = first[i]; column <= last[i]; column += LANES)
-            if (!rasterize_samples(tile, surface, path_index, path, 1.0f / shape->scale, y, row,
-                                   column, min(LANES, last[i] + 1 - column)))
-                return false;
+        for (int column = first[i]; column <= last[i]; column += LANES) {
+            Strip strip = {row, column, min(LANES, last[i] + 1 - column)};
+            if (!rasterize_samples(tile, &source, y, strip)) return false;
+        }
     }
     return true;
 }

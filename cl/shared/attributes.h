@@ -235,8 +235,9 @@ static inline Colors texel_colors(const Scene *scene, uint texture, const Attrib
                                   float level, int count)
 {
 #if ANISOTROPY()
-    return texture_over(scene->texels, scene->textures[texture], &a->u, &a->v, &a->footprint,
-                        level, scene->numbers.anisotropy, count);
+    const Filtered filtered = {scene->texels, scene->textures[texture], level,
+                               scene->numbers.anisotropy};
+    return texture_over(&filtered, &a->u, &a->v, &a->footprint, count);
 #else
     return texture_at(scene->texels, scene->textures[texture], &a->u, &a->v, level, count);
 #endif

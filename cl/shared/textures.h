@@ -133,32 +133,39 @@ static inline float shorter_side(Texture texture, float2 right, float2 down, int
     return fmax(fmax(shorter, longer / most), 1.0f);
 }
 
+// A texture that is looked at up to `most` times for a sample, at mip level `least` or higher.
+typedef struct {
+    global const float4 *texels;
+    Texture texture;
+    float least;
+    int most;
+} Filtered;
+
 // A texture's mean over the footprint of one sample: a row of look-ups along its longer side, at
 // the mip level of its shorter side, or of a part of the longer one if that is larger (after
-// McCormack et al. 1999, Feline). `least` is the lowest level, `most` the largest number of looks.
-static float4 texel_over(global const float4 *texels, Texture texture, float2 uv, float2 right,
-                         float2 down, float least, int most)
+// McCormack et al. 1999, Feline).
+static float4 texel_over(const Filtered *f, float2 uv, float2 right, float2 down)
 {
+    const Texture texture = f->texture;
     float2 size = (float2)(texture.width, texture.height), a = right * size, b = down * size;
     bool wider = dot(a, a) >= dot(b, b);
     float longer = sqrt(wider ? dot(a, a) : dot(b, b));
-    float shorter = shorter_side(texture, right, down, most);
-    int looks = clamp((int)ceil(longer / shorter - 0.01f), 1, most);
-    float level = fmax(log2(shorter), least);
+    float shorter = shorter_side(texture, right, down, f->most);
+    int looks = clamp((int)ceil(longer / shorter - 0.01f), 1, f->most);
+    float level = fmax(log2(shorter), f->least);
     float2 along = (wider ? right : down) / looks;
     float4 sum = 0.0f;
     for (int k = 0; k < looks; k++) {
         float2 at = uv + along * (k - 0.5f * (looks - 1));
         if (texture.wrap != WRAP_CLAMP) at -= 2.0f * floor(at / 2.0f);
-        sum += trilinear_texel(texels, texture, at.x, at.y, level);
+        sum += trilinear_texel(f->texels, texture, at.x, at.y, level);
     }
     return sum / looks;
 }
 
 // Likewise of sixteen, the first `count` of which matter; others are zero.
-static Colors texture_over(global const float4 *texels, Texture texture, const Lanes *u,
-                           const Lanes *v, const Footprint *f, float least, int most,
-                           int count)
+static Colors texture_over(const Filtered *filtered, const Lanes *u, const Lanes *v,
+                           const Footprint *f, int count)
 {
     float us[LANES], vs[LANES], u_right[LANES], v_right[LANES], u_down[LANES], v_down[LANES];
     lanes_store(*u, us), lanes_store(*v, vs);
@@ -168,9 +175,8 @@ static Colors texture_over(global const float4 *texels, Texture texture, const L
     for (int i = 0; i < LANES; i++) {
         float4 texel = 0.0f;
         if (i < count)
-            texel = texel_over(texels, texture, (float2)(us[i], vs[i]),
-                               (float2)(u_right[i], v_right[i]), (float2)(u_down[i], v_down[i]),
-                               least, most);
+            texel = texel_over(filtered, (float2)(us[i], vs[i]), (float2)(u_right[i], v_right[i]),
+                               (float2)(u_down[i], v_down[i]));
         found[0][i] = texel.x, found[1][i] = texel.y, found[2][i] = texel.z;
         found[3][i] = texel.w;
     }

@@ -26,7 +26,8 @@ kernel void footprints(global const float4 *texels, global const Texture *textur
         global const float *g = given + 7 * i;
         Footprint f = {g[2], g[3], g[4], g[5]};
         Lanes u = g[0], v = g[1];
-        Colors found = texture_over(texels, textures[0], &u, &v, &f, g[6], most, 6);
+        Filtered filtered = {texels, textures[0], g[6], most};
+        Colors found = texture_over(&filtered, &u, &v, &f, 6);
         vstore3(LANE3(found, 5), i, colors);
     }
 }
