@@ -169,9 +169,11 @@ kernel void tile(
         resolve(&tile, frame, background, rgba, depth, seen);
         clocked(true, RESOLVE, counters, &clock);
     }
+#if STATISTICS()
     const Statistics *s = &tile.statistics;
     counters[BOUNDED] += s->bounded, counters[VISITED] += s->visited;
     counters[STAGE1] += s->stage1, counters[TESTS] += s->tests;
     counters[HITS] += s->hits, counters[DEPTH_TESTS] += s->depth_tests;
     counters[TEXELS] += s->texels, counters[TEXEL_LINES] += s->texel_lines;
+#endif
 }
