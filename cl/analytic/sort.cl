@@ -91,7 +91,7 @@ static int check_order(Ranked r, int count)
             wrong |= common & (at_low + at_high > 0.0f) & 1;
             wrong |= common & (at_low * at_high < 0.0f) & 2;
         }
-    return (any_lane(wrong << 31) ? 1 : 0) | (any_lane(wrong << 30) ? 2 : 0);
+    return (any_below_zero(wrong << 31) ? 1 : 0) | (any_below_zero(wrong << 30) ? 2 : 0);
 }
 
 // Time at which two segments that cross do so; at the ends of their common time where rounding
@@ -113,7 +113,7 @@ static float next_crossing(Ranked r, global const Interval *list, int i, int cou
         Lanes at_low, at_high;
         LaneMask crosses = compare_segments(r, i, k, &at_low, &at_high);
         crosses &= at_low * at_high < 0.0f;
-        if (!any_lane(crosses)) continue;
+        if (!any_below_zero(crosses)) continue;
         int lanes[LANES];
         lanes_store(crosses, lanes);
         for (int lane = 0; lane < min(LANES, count - k); lane++) {
@@ -152,7 +152,7 @@ static int find_in_front(Ranked r, int i, int start, int count)
         Lanes at_low, at_high;
         LaneMask in_front = compare_segments(r, i, k, &at_low, &at_high);
         in_front &= (at_low + at_high > 0.0f) & (lanes_load(r.taken + k) == 0);
-        if (!any_lane(in_front)) continue;
+        if (!any_below_zero(in_front)) continue;
         int lanes[LANES];
         lanes_store(in_front, lanes);
         for (int lane = 0; lane < min(LANES, count - k); lane++)

@@ -107,6 +107,10 @@ static INLINED bool any_lane(LaneMask mask)
     return (any.x | any.y | any.z | any.w) != 0;
 }
 
+// Whether any lane is below zero: by OpenCL's function, since Oclgrind takes any_lane of lanes that
+// were never written, and are masked, for one of them.
+static INLINED bool any_below_zero(LaneInts a) { return any(a); }
+
 static INLINED uint count_lanes(LaneMask mask)
 {
     const int4 *part = (const int4 *)&mask;
