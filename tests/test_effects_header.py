@@ -116,3 +116,9 @@ def test_an_effect_that_the_kernels_lack_has_no_option():
     wrong = dataclasses.replace(plan, active=plan.active | {"UNHEARD_OF"})
     with pytest.raises(LookupError, match="no effect of the kernels: UNHEARD_OF"):
         assert wrong.options
+
+
+def test_no_two_headers_have_one_name():
+    names = [path.name for path in kernel_root().rglob("*.h")]
+    assert len(names) > 40
+    assert sorted(set(names)) == sorted(names)
