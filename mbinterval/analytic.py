@@ -24,10 +24,9 @@ from mbinterval.aovs import plane_count, split_planes
 from mbinterval.device import records
 from mbinterval.device.runtime import DeviceArray, Runtime, seconds
 from mbinterval.motion import Motion
-from mbinterval.plan import Plan
+from mbinterval.prepare import Prepared
 from mbinterval.record import Recorder, collectors_of
 from mbinterval.sampling import reach_of
-from mbinterval.scene.exposure import Exposure
 from mbinterval.shadows import prepare_shadows
 from mbinterval.tiles import render_tiles
 from mbinterval.work import (
@@ -44,16 +43,14 @@ _PATHS_PER_ITEM = 256
 
 def render_analytic(
     runtime: Runtime,
-    exposure: Exposure,
-    motion: Motion,
-    plan: Plan,
+    ready: Prepared,
     progress: Callable[[float], None] | None = None,
 ) -> Pixels:
-    """Render ``exposure``, laid out as ``motion``, by the stages of ``plan``.
+    """Render a frame by the stages of its plan.
 
     ``progress`` is called now and then with the fraction of the tiles that are done.
     """
-    work = start_work(runtime, exposure, motion, plan)
+    work, motion, plan = start_work(runtime, ready), ready.motion, ready.plan
     _run_paths(work, motion)
     listed = _run_bin(work, motion)
     if "shadow" in plan.stages:

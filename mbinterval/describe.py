@@ -10,9 +10,10 @@ from mbinterval.cube_maps import environment_size, map_texels
 from mbinterval.device.runtime import Runtime, runtime
 from mbinterval.errors import DeviceError
 from mbinterval.memory import buffer_bytes, textures_of
-from mbinterval.motion import Motion, lay_out
-from mbinterval.plan import Crop, Plan, check_crop, make_plan, roll_lines
-from mbinterval.scene.exposure import Exposure, expose, reflecting
+from mbinterval.motion import Motion
+from mbinterval.plan import Crop, Plan
+from mbinterval.prepare import prepare
+from mbinterval.scene.exposure import Exposure, reflecting
 from mbinterval.scene.mesh_exposure import MeshExposure
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
@@ -35,23 +36,12 @@ def describe(
     Raises ``DeviceError`` where ``device`` is given and can't be had; with None and no device at
     all the description says so.
     """
-    rolled = roll_lines(scene, width, height)
-    exposure = expose(
-        scene,
-        frame,
-        width / height,
-        settings.motion_segments,
-        rolled,
-        settings.motion_error,
-        height,
-    )
-    motion = lay_out(exposure, width, height)
-    region = check_crop(crop, width, height)
-    plan = make_plan(exposure, motion, settings, width, height, region)
-    part = "" if crop is None else f", of which {','.join(map(str, region))} is rendered"
+    ready = prepare(scene, frame, width, height, settings, crop)
+    exposure, motion, plan = ready.exposure, ready.motion, ready.plan
+    part = "" if crop is None else f", of which {','.join(map(str, plan.crop))} is rendered"
     samples = _count(sample_count(settings), "sample")
     lines = [f"frame {frame:g}, {width} x {height} pixels{part}, {samples} per pixel"]
-    lines += [f"note: {note}" for note in exposure.notes]
+    lines += [f"note: {note}" for note in ready.notes]
     lines += [f"shutter: {_shutter(exposure, scene.fps)}", f"lens: {_lens(exposure)}"]
     lines += [f"occlusion: {_occlusion(plan)}", "effects"]
     for effect in plan.effects:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mbinterval import appearance, record, stochastic, tiles
+from mbinterval import appearance, buffers
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime
 from mbinterval.errors import CapacityError
@@ -20,7 +20,6 @@ from mbinterval.motion import Motion
 from mbinterval.plan import Plan
 from mbinterval.scene.exposure import Exposure
 from mbinterval.scene.model import Texture
-from mbinterval.work import film_bytes, tile_grid
 
 _TEXEL = 16
 _ORDER = 4
@@ -35,14 +34,14 @@ def buffer_bytes(motion: Motion, plan: Plan, workers: int) -> dict[str, int]:
     given = sum(getattr(motion, name).nbytes for name in _MOTION) - motion.paths.nbytes
     given += sum(places.nbytes for places in motion.places.values())
     cropped = plan.crop[2] * plan.crop[3]
-    film = film_bytes(plan) + (16 * cropped if "share" in plan.stages else 0)
+    film = buffers.film_bytes(plan) + (16 * cropped if "share" in plan.stages else 0)
     if "BACKGROUND_IMAGE" in plan.active:
         film += 12 * plan.region[2] * plan.region[3]
-    _, _, columns, rows = tile_grid(plan)
-    pools = tiles.pool_bytes(plan, plan.capacity)
+    _, _, columns, rows = buffers.tile_grid(plan)
+    pools = buffers.pool_bytes(plan, plan.capacity)
     if method != "analytic":
-        pools = stochastic.scratch_bytes(plan)
-    events = record.first_capacity(plan) * records.EVENT.itemsize
+        pools = buffers.scratch_bytes(plan)
+    events = buffers.first_events(plan) * records.EVENT.itemsize
     return {
         "geometry": given + paths,
         "textures": sum(_TEXEL * texel_count(texture) for texture in textures_of(motion)),
@@ -109,16 +108,14 @@ def check_memory(motion: Motion, plan: Plan, memory: int | None) -> None:
     """Refuse a frame that has no room in the plan's part of ``memory``, with what it needs."""
     if plan.memory is None or memory is None:
         return
-    sizes = buffer_bytes(motion, plan, workers=1)
+    needs = buffer_bytes(motion, plan, workers=1)
     # On the host: positions that were joined, records of paths that are put into order, the film.
-    host = motion.positions.nbytes + film_bytes(plan)
-    method = plan.settings.method
-    ordered = len(motion.paths) * _found(method).itemsize
-    least = sizes["pools"] if method != "analytic" else tiles.least_pools(plan)
-    fixed = sizes["geometry"] + sizes["textures"]
-    need = fixed + max(ordered, sizes["film"] + host + least)
+    host = motion.positions.nbytes + buffers.film_bytes(plan)
+    ordered = len(motion.paths) * _found(plan.settings.method).itemsize
+    fixed = needs["geometry"] + needs["textures"]
+    need = fixed + max(ordered, needs["film"] + host + buffers.least_bytes(plan))
     if need > plan.memory:
-        parts = ", ".join(f"{name} {_mebibytes(sizes[name])}" for name in list(sizes)[:3])
+        parts = ", ".join(f"{name} {_mebibytes(needs[name])}" for name in list(needs)[:3])
         raise CapacityError(
             f"the frame needs {_mebibytes(need)} ({parts}, the rest for copies and lists); of the "
             f"memory that is allowed {_mebibytes(plan.memory)} are left: allow "

@@ -104,7 +104,6 @@ def make_plan(
     width: int,
     height: int,
     crop: Crop,
-    capacity: int = _POOL_RECORDS,
 ) -> Plan:
     """Plan the render of ``exposure``, laid out as ``motion``."""
     if settings.method != "analytic":
@@ -172,7 +171,7 @@ def make_plan(
         settings=settings,
         tile=tile,
         layers=layers,
-        capacity=capacity if timed or "SHADOWS" in active else 1,
+        capacity=_POOL_RECORDS if timed or "SHADOWS" in active else 1,
     )
 
 

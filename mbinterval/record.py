@@ -13,7 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval import buffers
 from mbinterval.aovs import RECORDED
+from mbinterval.buffers import tile_grid
 from mbinterval.cryptomatte import Ranks
 from mbinterval.deep import Slices
 from mbinterval.device import records
@@ -21,12 +23,12 @@ from mbinterval.errors import CapacityError
 from mbinterval.events import EventTable
 from mbinterval.motion import Motion
 from mbinterval.plan import Plan
-from mbinterval.work import SECONDS_AT_A_TIME, Work, memory_room, tile_grid
+from mbinterval.work import SECONDS_AT_A_TIME, Work, memory_room
 
 DONE, POOLS_FULL, EVENTS_FULL = range(3)
 """What became of a tile (``cl/analytic/tile.cl``)."""
 
-_LEAST, _MOST, _PER_SAMPLE, _GROWTH = 1 << 12, 1 << 20, 4, 4
+_GROWTH = 4
 _FULL = 0.7  # part of the pool that is to be used
 
 
@@ -60,23 +62,18 @@ def collectors_of(work: Work, motion: Motion) -> dict[str, Collector]:
     return found
 
 
-def first_capacity(plan: Plan) -> int:
-    """Events that the first pool has room for, where memory is not short."""
-    samples = plan.region[2] * plan.region[3] * plan.settings.samples
-    return max(_LEAST, min(_PER_SAMPLE * samples, _MOST))
-
-
 class Recorder:
     """The device's pool of events, and the ``collectors`` that take them."""
 
     def __init__(self, work: Work, collectors: tuple[Collector, ...]) -> None:
         self._work, self._collectors = work, collectors
-        self.capacity = first_capacity(work.plan)
+        self.capacity = buffers.first_events(work.plan)
 
     def allocate(self) -> None:
         """Make the pool; a smaller one where memory is short."""
         room = memory_room(self._work) // 4
-        while self.capacity > _LEAST and self.capacity * records.EVENT.itemsize > room:
+        least, size = buffers.LEAST_EVENTS, records.EVENT.itemsize
+        while self.capacity > least and self.capacity * size > room:
             self.capacity //= 2
         self._allocate_pool()
         for name in ("event_count", "event_end"):

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from mbinterval.cube_maps import CubeMaps, gather, sky_records
 from mbinterval.device.runtime import Runtime
-from mbinterval.motion import Motion, in_order, lay_out
-from mbinterval.plan import Plan, make_plan
-from mbinterval.scene.exposure import Exposure, Roll, expose, reflecting
+from mbinterval.motion import in_order
+from mbinterval.plan import roll_lines
+from mbinterval.prepare import Prepared, prepare
+from mbinterval.scene.exposure import Exposure, Roll, reflecting
 from mbinterval.scene.mesh_exposure import MeshExposure
 from mbinterval.scene.model import Camera, Reflections, Scene, Shutter
 from mbinterval.scene.shutter_times import Window
@@ -30,68 +31,58 @@ if TYPE_CHECKING:
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
-Render = Callable[[Exposure, Motion, Plan], "Pixels"]
+Render = Callable[[Prepared], "Pixels"]
 
 _CURVE_VALUES = 129
 
 
-def add_cube_maps(motion: Motion, exposure: Exposure, plan: Plan, made: CubeMaps) -> Motion:
-    """Return ``motion`` with cube maps, and who mirrors which of them."""
+def add_cube_maps(ready: Prepared, made: CubeMaps) -> Prepared:
+    """Return the frame with cube maps, and who mirrors which of them."""
+    exposure, motion, plan = ready.exposure, ready.motion, ready.plan
     groups = {id(asked): 1 + index for index, asked in enumerate(reflecting(exposure))}
     meshes = motion.meshes.copy()
     if len(made.maps) > 1:
         meshes["map"] = [groups.get(id(mesh.mesh.reflections), 0) for mesh in in_order(exposure)]
     sky = sky_records(exposure.sky, plan.width, plan.height)
     made_of: dict[str, Any] = {"maps": made.maps, "map_texels": made.texels, "sky": sky}
-    return replace(motion, meshes=meshes, places={**motion.places, **made_of})
+    changed = replace(motion, meshes=meshes, places={**motion.places, **made_of})
+    return replace(ready, motion=changed)
 
 
-def surroundings(
-    on: Runtime, scene: Scene, exposure: Exposure, plan: Plan, lines: int, render: Render
-) -> list[Float32]:
-    """Render what each object sees that asks for it: ``(times, 6, n + 1, n + 1, 3)`` each.
-
-    ``exposure`` is that of the frame, of which a rolling shutter has ``lines``.
-    """
-    window = Window(exposure.frame, *scene.shutter.window(scene.fps, lines))
-    made = gather(on, exposure.environment, [])
+def surroundings(on: Runtime, scene: Scene, ready: Prepared, render: Render) -> list[Float32]:
+    """Render what each object of a frame sees that asks for it: ``(times, 6, n + 1, n + 1, 3)``."""
+    made = gather(on, ready.exposure.environment, [])
     return [
-        _surroundings(made, scene, exposure, plan, lines, render, asked, _middle(meshes, window))
-        for asked, meshes in reflecting(exposure).items()
+        _surroundings(made, scene, ready, render, asked, meshes)
+        for asked, meshes in reflecting(ready.exposure).items()
     ]
 
 
 def _surroundings(
     made: CubeMaps,
     scene: Scene,
-    exposure: Exposure,
-    plan: Plan,
-    lines: int,
+    ready: Prepared,
     render: Render,
     asked: Reflections,
-    middle: tuple[Float64, Float64],
+    meshes: Sequence[MeshExposure],
 ) -> Float32:
+    exposure, plan = ready.exposure, ready.plan
     others = _others(scene, exposure, asked)
     settings = replace(plan.settings, aovs=(), transparent=False, statistics=False)
+    lines = roll_lines(scene, plan.width, plan.height)
+    middle = _middle(meshes, Window(exposure.frame, *scene.shutter.window(scene.fps, lines)))
     size = asked.size + 1
     faces = []
     for face in range(6):
-        seen = expose(
+        seen = prepare(
             replace(others, camera=face_camera(face, asked.size, *middle)),
-            exposure.frame,
-            1.0,
-            settings.motion_segments,
-            lines,
-            settings.motion_error,
-            size,
+            *(exposure.frame, size, size, settings),
+            lines=lines,
+            room=plan.memory,
         )
-        motion = lay_out(seen, size, size)
         pictures = []
-        for part in _parts(seen, asked.times):
-            planned = make_plan(part, motion, settings, size, size, (0, 0, size, size))
-            planned = replace(planned, memory=plan.memory)
-            laid = add_cube_maps(motion, part, planned, made)
-            rgb = render(part, laid, planned).rgba[..., :3]
+        for part in _parts(seen.exposure, asked.times):
+            rgb = render(add_cube_maps(seen.exposed_as(part), made)).rgba[..., :3]
             pictures.append(rgb[:, ::-1] if face % 2 else rgb)
         faces.append(pictures)
     # Where one face sees no motion and another does, the still one has one picture for all times.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +17,7 @@ from mbinterval.settings import Settings
 if TYPE_CHECKING:
     from mbinterval.device.runtime import Runtime
     from mbinterval.finite import Wrong
-    from mbinterval.motion import Motion
-    from mbinterval.plan import Plan
-    from mbinterval.scene.exposure import Exposure
+    from mbinterval.prepare import Prepared
     from mbinterval.work import Pixels
 
 
@@ -120,40 +117,24 @@ def _render(
     from mbinterval import ids
     from mbinterval.analytic import render_analytic
     from mbinterval.device.runtime import runtime
-    from mbinterval.flow import add_flow, flow_notes
-    from mbinterval.memory import check_memory, check_paths, memory_left
+    from mbinterval.memory import check_memory, memory_left
     from mbinterval.metadata import frame_metadata
-    from mbinterval.motion import lay_out
-    from mbinterval.plan import check_crop, make_plan, roll_lines
-    from mbinterval.scene.exposure import expose
+    from mbinterval.plan import check_crop
+    from mbinterval.prepare import prepare
     from mbinterval.stochastic import render_stochastic
 
     region = check_crop(crop, width, height)
     on = runtime(device)
     room = memory_left(memory, on)
     started = time.perf_counter()
-    lines = roll_lines(scene, width, height)
-    exposure = expose(
-        scene,
-        frame,
-        width / height,
-        settings.motion_segments,
-        lines,
-        settings.motion_error,
-        height,
-    )
-    check_paths(exposure, settings.method, room)
-    motion = lay_out(exposure, width, height)
-    plan = replace(make_plan(exposure, motion, settings, width, height, region), memory=room)
-    motion = add_flow(motion, scene, exposure, settings, width, height)
-    motion = ids.add_hashes(motion, scene, settings.aovs)
-    check_memory(motion, plan, memory)
+    ready = prepare(scene, frame, width, height, settings, region, room=room)
+    check_memory(ready.motion, ready.plan, memory)
     exposed = time.perf_counter() - started
     run = render_analytic if settings.method == "analytic" else render_stochastic
     try:
-        motion, mapped = _add_cube_maps(on, scene, exposure, motion, plan, lines, run)
-        check_memory(motion, plan, memory)
-        pixels = run(on, exposure, motion, plan, progress)
+        ready, mapped = _add_cube_maps(on, scene, ready, run)
+        check_memory(ready.motion, ready.plan, memory)
+        pixels = run(on, ready, progress)
     except BaseException:
         on.queue.finish()  # kernels in flight use buffers that go with the interrupted frames
         raise
@@ -167,35 +148,29 @@ def _render(
         stats=pixels.stats,
         resolution=(width, height),
         origin=region[:2],
-        metadata=frame_metadata(scene, exposure, settings) | ids.names(scene, settings.aovs),
+        metadata=frame_metadata(scene, ready.exposure, settings) | ids.names(scene, settings.aovs),
         transparent=settings.transparent,
         layers=ids.identified(scene, settings.aovs, pixels.layers),
-        notes=exposure.notes + flow_notes(scene, settings) + ids.notes(scene, settings.aovs),
+        notes=ready.notes,
         device=on.device.name.strip(),
     )
 
 
 def _add_cube_maps(
-    on: Runtime,
-    scene: Scene,
-    exposure: Exposure,
-    motion: Motion,
-    plan: Plan,
-    lines: int,
-    run: Callable[..., Pixels],
-) -> tuple[Motion, dict[str, float]]:
+    on: Runtime, scene: Scene, ready: Prepared, run: Callable[..., Pixels]
+) -> tuple[Prepared, dict[str, float]]:
     """Stage "cube_map": the environment's map, and those of what objects mirror; its seconds."""
     from mbinterval.cube_maps import gather
     from mbinterval.reflections import add_cube_maps, surroundings
 
-    if "cube_map" not in plan.stages:
-        return motion, {}
+    if "cube_map" not in ready.plan.stages:
+        return ready, {}
     started = time.perf_counter()
     pictures = []
-    if "REFLECTIONS" in plan.active:
-        pictures = surroundings(on, scene, exposure, plan, lines, partial(run, on))
-    motion = add_cube_maps(motion, exposure, plan, gather(on, exposure.environment, pictures))
-    return motion, {"cube_map": time.perf_counter() - started}
+    if "REFLECTIONS" in ready.plan.active:
+        pictures = surroundings(on, scene, ready, partial(run, on))
+    ready = add_cube_maps(ready, gather(on, ready.exposure.environment, pictures))
+    return ready, {"cube_map": time.perf_counter() - started}
 
 
 def _check_arguments(scene: Any, settings: Any, progress: Any) -> None:

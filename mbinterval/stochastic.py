@@ -14,12 +14,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mbinterval.buffers import scratch, scratch_bytes
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.motion import Motion
-from mbinterval.plan import Plan
+from mbinterval.prepare import Prepared
 from mbinterval.sampling import reach_of
-from mbinterval.scene.exposure import Exposure
 from mbinterval.shadow_tree import prepare_rays
 from mbinterval.stochastic_plan import sample_count
 from mbinterval.work import (
@@ -43,30 +43,16 @@ _COUNTS = (
     *("bounded", "visited", "stage1", "tests", "hits", "depth_tests"),
     *("texels", "texel_lines"),
 )
-_SAMPLE_SCRATCH = {
-    **dict.fromkeys(("sample_x", "sample_y", "sample_t", "sample_u", "sample_v"), "float"),
-    **{"sample_depth": "float", "sample_owner": "uint"},
-}
-_GLOSSY_SCRATCH = {"sample_a": "float", "sample_b": "float"}
-_MIRROR_SCRATCH = {"sample_mirror_depth": "float", "sample_mirror_owner": "uint"}
-_PIXEL_SCRATCH = {"pixel_color": "float4", "pixel_depth": "float", "pixel_seen": "uint"}
-_SIGNED_SCRATCH = {
-    **{"pixel_signed_color": "float4", "pixel_signed_depth": "float", "pixel_signs": "float"},
-}
-_KEPT_SCRATCH = {"kept_color": "float4", "kept_depth": "float"}
 _PATHS_PER_ITEM = 256
-_SLAB = 256
 
 
 def render_stochastic(
     runtime: Runtime,
-    exposure: Exposure,
-    motion: Motion,
-    plan: Plan,
+    ready: Prepared,
     progress: Callable[[float], None] | None = None,
 ) -> Pixels:
-    """Render ``exposure``, laid out as ``motion``, by the stages of ``plan``."""
-    work = start_work(runtime, exposure, motion, plan)
+    """Render a frame by the stages of its plan."""
+    work, motion, plan = start_work(runtime, ready), ready.motion, ready.plan
     work.timings["vertices"] = transform_vertices(work, motion)
     _run_bounds(work, motion)
     listed = _run_bin(work, motion)
@@ -127,35 +113,11 @@ def _render_tiles(
     return stats if "STATISTICS" in work.plan.active else {}
 
 
-def scratch_bytes(plan: Plan) -> int:
-    """Return the bytes of a worker's scratch: the samples and the pixels of a tile."""
-    return sum(records.element(kind).itemsize * count for kind, count in _scratch(plan).values())
-
-
-def _scratch(plan: Plan) -> dict[str, tuple[str, int]]:
-    """Return the scratch arrays by name: kind, and how many elements each worker has."""
-    samples, pixels = plan.layers * _SLAB, _SLAB
-    asked = [
-        (_SAMPLE_SCRATCH, True, samples),
-        (_GLOSSY_SCRATCH, "GLOSSY" in plan.active, samples),
-        (_MIRROR_SCRATCH, "MIRRORS" in plan.active, samples),
-        (_PIXEL_SCRATCH, True, pixels),
-        (_SIGNED_SCRATCH, "WEIGHTED" in plan.active, pixels),
-        (_KEPT_SCRATCH, "PATTERN_RGSS" in plan.active, pixels * sample_count(plan.settings)),
-    ]
-    return {
-        name: (kind, count)
-        for arrays, there, count in asked
-        if there
-        for name, kind in arrays.items()
-    }
-
-
 def _allocate(work: Work, workers: int) -> None:
     """Buffers of the film, and each worker's scratch."""
     width, height = work.plan.region[2:]
     kept = 4 if "rgss" in work.plan.stages else 1
-    for name, (kind, count) in _scratch(work.plan).items():
+    for name, (kind, count) in scratch(work.plan).items():
         work.allocate(kind, name, count * workers)
     work.allocate("uint", "next", 1)
     work.allocate("ulong", "counters", len(TILE_STAGES + _COUNTS) * workers)

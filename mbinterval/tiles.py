@@ -10,20 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.aovs import plane_count
-from mbinterval.device import records
-from mbinterval.device.runtime import seconds
-from mbinterval.errors import CapacityError
-from mbinterval.plan import Plan
-from mbinterval.record import EVENTS_FULL, POOLS_FULL, Recorder
-from mbinterval.work import (
-    Work,
-    add_counts,
-    frame_record,
-    grid_record,
-    in_parts,
-    memory_room,
+from mbinterval.buffers import (
+    LANES,
+    LEAST_CAPACITY,
+    pool_bytes,
+    pools,
+    record_bytes,
+    scratch,
     tile_grid,
 )
+from mbinterval.device.runtime import seconds
+from mbinterval.errors import CapacityError
+from mbinterval.record import EVENTS_FULL, POOLS_FULL, Recorder
+from mbinterval.work import Work, add_counts, frame_record, grid_record, in_parts, memory_room
 
 _log = logging.getLogger(__name__)
 
@@ -34,20 +33,7 @@ TILE_STAGES = (
 """Stages of the fused kernel, in the order in which it counts their time."""
 
 _COUNTS = ("tests", "hits")
-_SAMPLE_SCRATCH = {
-    **{"sample_static_depth": "double", "sample_static_part": "uint", "sample_heads": "int"},
-    **{"sample_met": "uint", "sample_spans": "Run", "sample_still": "float4"},
-}
-_PIXEL_SCRATCH = {"pixel_color": "float4", "pixel_depth": "float", "pixel_met": "uint"}
-_EXACT_POOLS = {"visits": "Visit", "fronts": "Front", "merged": "Front", "ordering": "Ordering"}
-_TRIANGULATED_POOLS = {
-    **{"fragments": "Fragment", "intervals": "Interval"},
-    **{"sorting": "Sorting", "sorted": "Interval"},
-}
-LANES = 16
-"""Records that every pool has beyond its capacity, for whole vectors to be written."""
 _GROWTH = 4
-_LEAST_CAPACITY = 4096
 
 
 def render_tiles(
@@ -107,48 +93,10 @@ def _allocate(work: Work, workers: int) -> None:
         work.allocate("float4", "sharp", pixels)
     if plane_count(asked):
         work.allocate("uint", "planes", pixels * plane_count(asked))
-    for name, (kind, count) in _scratch(plan).items():
+    for name, (kind, count) in scratch(plan).items():
         work.allocate(kind, name, count * workers)
     if "shadow" in plan.stages:
         work.allocate("uint", "path_stamps", work.numbers["path_count"] * workers)
-
-
-def _scratch(plan: Plan) -> dict[str, tuple[str, int]]:
-    """Return the scratch arrays by name: kind, and how many elements each worker has."""
-    pixels = plan.tile**2
-    arrays = {name: (kind, plan.layers * pixels) for name, kind in _SAMPLE_SCRATCH.items()}
-    arrays |= {name: (kind, pixels) for name, kind in _PIXEL_SCRATCH.items()}
-    if plan.exact:
-        arrays["sample_tails"] = "int", plan.layers * pixels
-    else:
-        arrays["sample_intervals"] = "Run", plan.layers * pixels
-    if "PLACED" in plan.active:
-        arrays["sample_places"] = "Place", plan.layers * pixels
-    if "WEIGHTED" in plan.active:
-        arrays["sample_weights"] = "float", plan.layers * pixels
-    if "AOV_SHARP" in plan.active:
-        arrays["pixel_sharp"] = "float4", pixels
-    if "AOV_OPERATIONS" in plan.active:
-        arrays["sample_tested"] = "uint", plan.layers * pixels
-        arrays["pixel_operations"] = "uint", pixels
-    return arrays
-
-
-def pools(plan: Plan) -> dict[str, str]:
-    """Pools of a work-item: kind of record of each."""
-    kinds = _EXACT_POOLS if plan.exact else _TRIANGULATED_POOLS
-    steps = {"steps": "Step"} if "shadow" in plan.stages else {}
-    added = {"added": "float4"} if "RECORDED" in plan.active else {}
-    return {**kinds, **steps, **added, "spans": "Span"}
-
-
-def pool_bytes(plan: Plan, capacity: int) -> int:
-    """Bytes of the pools of a work-item."""
-    return sum(_record_bytes(plan).values()) * (capacity + LANES)
-
-
-def _record_bytes(plan: Plan) -> dict[str, int]:
-    return {name: records.element(kind, plan.active).itemsize for name, kind in pools(plan).items()}
 
 
 def _allocate_pools(work: Work, capacity: int, workers: int) -> None:
@@ -186,19 +134,14 @@ def _run_part(
 def _first_pools(work: Work, workers: int) -> tuple[int, int]:
     """Capacity of the first pools, and work-items; less where memory is short."""
     capacity, room = work.plan.capacity, memory_room(work)
-    while capacity > _LEAST_CAPACITY and pool_bytes(work.plan, capacity) * workers > room:
+    while capacity > LEAST_CAPACITY and pool_bytes(work.plan, capacity) * workers > room:
         capacity //= 2
     return capacity, _workers_that_fit(work, capacity, workers)
 
 
-def least_pools(plan: Plan) -> int:
-    """Bytes of the smallest pools that a render begins with, for one work-item."""
-    return pool_bytes(plan, min(plan.capacity, _LEAST_CAPACITY))
-
-
 def _workers_that_fit(work: Work, capacity: int, workers: int) -> int:
     """Fewer work-items where the pools of all would not fit into the memory that there is."""
-    most = max(_record_bytes(work.plan).values()) * (capacity + LANES)
+    most = max(record_bytes(work.plan).values()) * (capacity + LANES)
     device, room = work.runtime.device, memory_room(work, besides=pools(work.plan))
     fit = min(device.max_mem_alloc_size // most, room // pool_bytes(work.plan, capacity))
     if fit >= 1:

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.aovs import plane_count
 from mbinterval.appearance import appearance, casting, fit_background
+from mbinterval.buffers import film_bytes, tile_grid
 from mbinterval.device import records
 from mbinterval.device.runtime import DeviceArray, Runtime, seconds
 from mbinterval.errors import CapacityError
 from mbinterval.motion import Motion
 from mbinterval.plan import Crop, Plan, shutter_keys
+from mbinterval.prepare import Prepared
 from mbinterval.sampling import filter_of, slots_of
 from mbinterval.scene.exposure import Exposure
 
@@ -32,8 +33,6 @@ _PLACES = {"maps": "CubeMap", "map_texels": "float4", "sky": "Sky"} | dict.fromk
     ("forward", "backward"), "double"
 )
 """Kinds of what `Motion` has in ``places``."""
-
-_FILM_BYTES = 24  # of a pixel: colour, depth, intervals
 
 _BIN_CHUNKS = 64
 SECONDS_AT_A_TIME = 0.5
@@ -95,8 +94,9 @@ class Work:
         return records.pack("Numbers", **(fields | dict(self.plan.numbers) | self.numbers))
 
 
-def start_work(runtime: Runtime, exposure: Exposure, motion: Motion, plan: Plan) -> Work:
+def start_work(runtime: Runtime, ready: Prepared) -> Work:
     """Give the device everything that the kernels read of a scene."""
+    exposure, motion, plan = ready.exposure, ready.motion, ready.plan
     work = Work(runtime, plan, exposure)
     shape = filter_of(plan.settings)
     # Lights are placed relative to the eye, so that they are as exact far from the origin.
@@ -164,17 +164,6 @@ def transform_vertices(work: Work, motion: Motion) -> float:
         return 0.0
     options = work.plan.flags("LENS")
     return seconds(work.run("shared/vertices.cl", "vertices", options, len(motion.jobs)))
-
-
-def tile_grid(plan: Plan) -> tuple[int, int, int, int]:
-    """Return the first pixel, and columns and rows, of the tiles that cover the region.
-
-    Tiles lie on multiples of their size in the frame.
-    """
-    x, y, width, height = plan.region
-    left, top = x // plan.tile * plan.tile, y // plan.tile * plan.tile
-    columns = -(-(x + width - left) // plan.tile)
-    return left, top, columns, -(-(y + height - top) // plan.tile)
 
 
 def list_grid(
@@ -269,13 +258,6 @@ def list_paths(
     work.arrays["starts"], work.arrays["members"] = lists.places, lists.file()
     work.timings["bin"] = lists.seconds()
     return np.asarray(np.diff(starts.astype(np.int64)))
-
-
-def film_bytes(plan: Plan) -> int:
-    """Bytes of the film with its layers, on the device and again on the host."""
-    asked = plan.settings.aovs
-    pixel = _FILM_BYTES + 16 * ("sharp" in asked) + 4 * plane_count(asked)
-    return pixel * plan.region[2] * plan.region[3]
 
 
 def memory_room(work: Work, besides: Container[str] = ()) -> int:

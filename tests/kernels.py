@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,8 @@ from mbinterval.device import records
 from mbinterval.device.kernel_effects import effect_options
 from mbinterval.device.runtime import DeviceArray, Runtime, runtime, seconds
 from mbinterval.errors import KernelBuildError
-from mbinterval.motion import lay_out
-from mbinterval.plan import Plan, make_plan
-from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.plan import Crop, Plan
+from mbinterval.prepare import Prepared, prepare
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
 from mbinterval.work import list_grid
@@ -203,17 +203,19 @@ def members_of(
     return np.split(entries, starts[1:-1])
 
 
-def plan_of(
-    scene: Scene, settings: Settings, width: int, height: int, **changes: Any
-) -> tuple[Exposure, Any, Plan]:
-    """Exposure, motion and plan, as ``mbinterval.render`` makes them."""
-    exposure = expose(scene, 1.0, width / height, settings.motion_segments)
-    motion = lay_out(exposure, width, height)
-    crop = changes.pop("crop", (0, 0, width, height))
-    return exposure, motion, make_plan(exposure, motion, settings, width, height, crop, **changes)
+def ready_for(
+    scene: Scene,
+    settings: Settings,
+    width: int,
+    height: int,
+    crop: Crop | None = None,
+    **changes: Any,
+) -> Prepared:
+    """Frame 1 as ``mbinterval.render`` makes it ready, its plan with ``changes``."""
+    ready = prepare(scene, 1.0, width, height, settings, crop)
+    return replace(ready, plan=replace(ready.plan, **changes))
 
 
 def render_with(scene: Scene, settings: Settings, width: int, height: int, **changes: Any) -> Any:
     """Pixels of a render whose plan is made with ``changes``, such as ``capacity``."""
-    exposure, motion, plan = plan_of(scene, settings, width, height, **changes)
-    return render_analytic(runtime(), exposure, motion, plan)
+    return render_analytic(runtime(), ready_for(scene, settings, width, height, **changes))

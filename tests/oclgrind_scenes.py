@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 import numpy as np
@@ -30,6 +31,9 @@ from mbinterval.scene.model import (
     Texture,
 )
 from mbinterval.scene.tracks import Track
+
+if TYPE_CHECKING:
+    from mbinterval.prepare import Prepared
 
 SIZE = (9, 7)
 LENS = {"focal_length": 50.0, "vertical_aperture": 50.0, "f_stop": 0.5, "focus_distance": 2.0}
@@ -298,7 +302,7 @@ SCENES = {
 }  # fmt: skip
 
 
-def with_cube_maps(motion: object, exposure: object, plan: object) -> object:
+def with_cube_maps(ready: Prepared) -> Prepared:
     """Cube maps of few directions, around objects of pictures of noise."""
     from mbinterval import cube_maps
     from mbinterval.device.runtime import runtime
@@ -306,22 +310,19 @@ def with_cube_maps(motion: object, exposure: object, plan: object) -> object:
     from mbinterval.scene.exposure import reflecting
 
     pictures = [
-        np.random.default_rng(5).uniform(0, 1, (2, 6, 17, 17, 3)) for _ in reflecting(exposure)
+        np.random.default_rng(5).uniform(0, 1, (2, 6, 17, 17, 3))
+        for _ in reflecting(ready.exposure)
     ]
-    if "cube_map" not in plan.stages:
-        return motion
+    if "cube_map" not in ready.plan.stages:
+        return ready
     with patch.object(cube_maps, "_DIRECTIONS", (2, 2)):
-        maps = cube_maps.gather(runtime(), exposure.environment, pictures)
-    return add_cube_maps(motion, exposure, plan, maps)
+        maps = cube_maps.gather(runtime(), ready.exposure.environment, pictures)
+    return add_cube_maps(ready, maps)
 
 
-def plan_of(small: Small) -> tuple[object, object, object]:
-    """Exposure, motion and plan of a scene."""
-    from mbinterval.flow import add_flow
-    from mbinterval.ids import add_hashes
-    from mbinterval.motion import lay_out
-    from mbinterval.plan import make_plan, roll_lines
-    from mbinterval.scene.exposure import expose
+def ready_for(small: Small) -> Prepared:
+    """Frame 1 of a scene, ready to be rendered."""
+    from mbinterval.prepare import prepare
 
     lights = (Light("ambient", intensity=0.3), Light("point", intensity=2.0),
               Light("directional", direction=(0.0, -1.0, -1.0)))  # fmt: skip
@@ -329,13 +330,10 @@ def plan_of(small: Small) -> tuple[object, object, object]:
     scene = Scene(meshes=small.meshes(), camera=small.camera, **options)
     fast = {} if "method" in small.settings else {"tile_size": 16, "texture_samples": 2}
     settings = mb.Settings(**fast | small.settings)
-    lines = roll_lines(scene, *SIZE)
-    exposure = expose(scene, 1.0, SIZE[0] / SIZE[1], settings.motion_segments, lines)
-    motion = add_flow(lay_out(exposure, *SIZE), scene, exposure, settings, *SIZE)
-    motion = add_hashes(motion, scene, settings.aovs)
-    sizes = {} if small.capacity is None else {"capacity": small.capacity}
-    plan = make_plan(exposure, motion, settings, *SIZE, (0, 0, *SIZE), **sizes)
-    return exposure, with_cube_maps(motion, exposure, plan), plan
+    ready = with_cube_maps(prepare(scene, 1.0, *SIZE, settings))
+    if small.capacity is None:
+        return ready
+    return replace(ready, plan=replace(ready.plan, capacity=small.capacity))
 
 
 def render(name: str) -> np.ndarray:
@@ -346,7 +344,7 @@ def render(name: str) -> np.ndarray:
 
     small = SCENES[name]
     run = render_stochastic if "method" in small.settings else render_analytic
-    return run(runtime(), *plan_of(small)).rgba
+    return run(runtime(), ready_for(small)).rgba
 
 
 def suit_oclgrind() -> None:

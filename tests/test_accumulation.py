@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from kernels import plan_of
+from kernels import ready_for
 from nightly import nightly, nightly_but
 from point_samples import twin_film
 from reference.accumulation import render as twin
@@ -82,7 +82,8 @@ def test_lines_are_the_twins(times):
     settings = mb.Settings(
         method="accumulation", slices=8, samples=4, slice_times=times, **LINES
     )  # fmt: skip
-    exposure, _, plan = plan_of(of, settings, *SIZE)
+    ready = ready_for(of, settings, *SIZE)
+    exposure, plan = ready.exposure, ready.plan
     want = twin_film(plan, exposure, *SIZE)[0]
     found = mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings).rgba
     assert (np.abs(found - want).max(axis=-1) > 1e-5).mean() < 5e-3
@@ -132,5 +133,5 @@ def test_a_pinhole_has_no_lines():
     assert film(of, slices=4, **LINES).tobytes() == film(of, slices=4).tobytes()
     for values, lens, there in ((LINES, True, True), (LINES, False, False), ({}, True, False)):
         settings = mb.Settings(method="accumulation", **values)
-        plan = plan_of(with_lens(of) if lens else of, settings, *SIZE)[2]
+        plan = ready_for(with_lens(of) if lens else of, settings, *SIZE).plan
         assert ("-DMB_SLICE_LINES" in plan.options) == there

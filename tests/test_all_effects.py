@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from all_effects import SIZE, everything
-from kernels import plan_of
+from kernels import ready_for
 from nightly import nightly
 
 import mbinterval as mb
@@ -34,7 +34,7 @@ def blocks(repeats: int, late: float = 0.0, **values: object) -> np.ndarray:
 
 
 def test_it_calls_for_every_effect_of_light_and_surfaces():
-    effects = plan_of(everything(), mb.Settings(), *SIZE)[2].effects
+    effects = ready_for(everything(), mb.Settings(), *SIZE).plan.effects
     active = {effect.macro for effect in effects if effect.active}
     assert active >= {
         *("MOVING", "LENS", "TRANSLUCENT", "ALPHA_VARIES", "PHONG", "METALLIC"),

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA, rectangle, world
-from kernels import plan_of
+from kernels import ready_for
 from nightly import nightly
 from test_plan import SIZE, UV, WAYS, mesh
 
@@ -117,6 +117,15 @@ def test_meshes_without_a_name_are_named_by_their_place_in_the_scene_and_a_crowd
     assert "note: no visible mesh: only the background is seen" in described()
 
 
+def test_notes_are_those_of_the_film():
+    settings = mb.Settings(aovs=("forward", "crypto_object"), samples=1)
+    scene = Scene([mesh(name="flag"), mesh(False, name="flag")], camera=UNIT_CAMERA)
+    film = mb.render(scene, frame=1, width=SIZE[0], height=SIZE[1], settings=settings)
+    assert "optical flow: mesh 'flag'" in " ".join(film.notes)
+    lines = describe(scene, 1.0, *SIZE, settings).splitlines()
+    assert [text[6:] for text in lines if text.startswith("note: ")] == list(film.notes)
+
+
 def test_device_and_crop_are_those_of_the_render(monkeypatch):
     text = described(mesh(), crop=(8, 4, 16, 8))
     assert "frame 1, 32 x 16 pixels, of which 8,4,16,8 is rendered, 4 samples per pixel" in text
@@ -175,11 +184,11 @@ def test_the_memory_that_is_told_is_the_memory_that_is_taken(way, tall, monkeypa
     )
     settings = mb.Settings(**{"samples": 2, **way})
     size = (16, 40) if tall else SIZE
-    _, motion, plan = plan_of(scene, settings, *size)
+    ready = ready_for(scene, settings, *size)
     monkeypatch.setattr(Runtime, "upload", counting_upload)
     monkeypatch.setattr(Runtime, "allocate", counting_allocate)
     mb.render(scene, frame=1, width=size[0], height=size[1], settings=settings)
-    told = buffer_bytes(motion, plan, runtime().workers)
+    told = buffer_bytes(ready.motion, ready.plan, runtime().workers)
     for group, names in GROUPS.items():
         assert told[group] == sum(taken.get(name, 0) for name in names), group
     assert told["pools"] == sum(n for name, n in taken.items() if name.startswith("pool of "))

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 from closed_forms import UNIT_CAMERA
-from kernels import plan_of
+from kernels import ready_for
 
 import mbinterval as mb
 from mbinterval.device.kernel_effects import KERNEL_EFFECTS, effect_options
@@ -111,7 +111,7 @@ def test_every_effect_is_asked_of_somewhere():
 
 
 def test_an_effect_that_the_kernels_lack_has_no_option():
-    plan = plan_of(Scene([], camera=UNIT_CAMERA), mb.Settings(), 32, 16)[2]
+    plan = ready_for(Scene([], camera=UNIT_CAMERA), mb.Settings(), 32, 16).plan
     assert set(effect_options(plan.active)) < set(plan.options)
     wrong = dataclasses.replace(plan, active=plan.active | {"UNHEARD_OF"})
     with pytest.raises(LookupError, match="no effect of the kernels: UNHEARD_OF"):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA
+from kernels import ready_for
 from mirror_rays import Surface, sampled, scene
 from nightly import nightly
 from test_mirrors import LIGHTS, flying, mirror, plane, rms
@@ -179,10 +180,8 @@ def test_tiles_and_their_lists_do_not_matter(tile):
 
 
 def test_a_mirror_without_shear_is_no_glossy_one():
-    from test_plan import plan_of
-
     options = [
-        plan_of(scene([replace(mirror(), shear=shear)]), mb.Settings(), *SIZE)[2].options
+        ready_for(scene([replace(mirror(), shear=shear)]), mb.Settings(), *SIZE).plan.options
         for shear in (0.0, 0.1)
     ]
     assert set(options[1]) - set(options[0]) == {"-DMB_GLOSSY", "-DMB_PLACED"}

@@ -120,7 +120,7 @@ def test_the_scenes_run_every_stage():
 
     seen = set()
     for name in EACH_TIME:
-        seen |= set(oclgrind_scenes.plan_of(SCENES[name])[2].stages)
+        seen |= set(oclgrind_scenes.ready_for(SCENES[name]).plan.stages)
     assert seen == {
         "paths",
         "bin",

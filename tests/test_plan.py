@@ -8,15 +8,15 @@ import logging
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA, rectangle, world
-from kernels import builds_without, built, plan_of, warns
+from kernels import builds_without, built, ready_for, warns
 
 import mbinterval as mb
 from mbinterval.aovs import AOVS, RECORDED
+from mbinterval.buffers import film_bytes
 from mbinterval.errors import UsageError
 from mbinterval.plan import Plan, check_crop
 from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
 from mbinterval.scene.tracks import Track
-from mbinterval.work import film_bytes
 
 SIZE = (32, 16)
 FUNCTIONS = ("rasterize", "sort", "occlude", "solve", "envelope", "append_owned_runs")
@@ -46,7 +46,7 @@ def mesh(moving: bool = True, **fields: object) -> Mesh:
 
 def plan(*meshes: Mesh, scene: Scene | None = None, **settings: object) -> Plan:
     scene = scene or Scene(meshes=meshes, camera=UNIT_CAMERA)
-    return plan_of(scene, mb.Settings(**settings), *SIZE)[2]
+    return ready_for(scene, mb.Settings(**settings), *SIZE).plan
 
 
 def active(of: Plan) -> dict[str, str]:
@@ -130,7 +130,7 @@ def test_a_films_timings_are_of_the_stages_that_ran(way):
         scene = Scene(meshes=meshes, camera=UNIT_CAMERA)
         settings = mb.Settings(samples=1, **WAYS[way])
         film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings)
-        stages = plan_of(scene, settings, *SIZE)[2].stages
+        stages = ready_for(scene, settings, *SIZE).plan.stages
         assert [name for name in film.timings if name != "expose"] == list(stages)
         assert all(seconds >= 0 for seconds in film.timings.values())
 
@@ -419,7 +419,7 @@ def test_kernels_build_without_a_warning(name, way, caplog):
     scene, settings = BUILT[name]
     if way == "triangulated":
         settings = settings | {"pairing": "depth", "max_intervals": 90}
-    options = plan_of(scene, mb.Settings(**(WAYS[way] | settings)), *SIZE)[2].options
+    options = ready_for(scene, mb.Settings(**(WAYS[way] | settings)), *SIZE).plan.options
     others = ("analytic/paths.cl", "analytic/bin.cl") if name == "flat" else ()
     assert not any(warns(file, options) for file in ("analytic/tile.cl", *others))
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]

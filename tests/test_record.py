@@ -12,7 +12,7 @@ from shadow_scenes import AMBIENT, CAMERA, LAMP, plate
 from test_plan import mesh, plan
 
 import mbinterval as mb
-from mbinterval import record, tiles
+from mbinterval import buffers, record, tiles
 from mbinterval.aovs import RECORDED
 from mbinterval.device import records
 from mbinterval.errors import CapacityError
@@ -132,8 +132,8 @@ def test_pools_and_crops_of_any_size_give_the_same(monkeypatch):
     want = film(seen_through(), **WHOLE)
     grown = []
     real = record.Recorder.make_room
-    monkeypatch.setattr(record, "_MOST", 64)
-    monkeypatch.setattr(record, "_LEAST", 64)
+    monkeypatch.setattr(buffers, "_MOST_EVENTS", 64)
+    monkeypatch.setattr(buffers, "LEAST_EVENTS", 64)
 
     def noting(self, some_fitted, alone):
         grown.append(some_fitted)
@@ -158,11 +158,11 @@ def test_a_pool_that_cannot_grow_is_used_again_and_a_tile_that_has_no_room_is_re
     most = len(film(seen_through(), **WHOLE).events)  # of all tiles together; one has less
     want = film(seen_through(), **NO_TIMES)
     monkeypatch.setattr(record, "memory_room", lambda work, besides=(): 0)
-    monkeypatch.setattr(record, "_LEAST", most // 2)
-    monkeypatch.setattr(record, "_MOST", most // 2)
+    monkeypatch.setattr(buffers, "LEAST_EVENTS", most // 2)
+    monkeypatch.setattr(buffers, "_MOST_EVENTS", most // 2)
     assert everything(film(seen_through(), **NO_TIMES)) == everything(want)
-    monkeypatch.setattr(record, "_LEAST", 16)
-    monkeypatch.setattr(record, "_MOST", 16)
+    monkeypatch.setattr(buffers, "LEAST_EVENTS", 16)
+    monkeypatch.setattr(buffers, "_MOST_EVENTS", 16)
     with pytest.raises(
         CapacityError, match=r"spans of a tile .* crypto_object, .* smaller tile_size"
     ):
@@ -187,8 +187,8 @@ def test_tiles_that_keep_each_other_from_a_pool_that_cannot_grow_are_rendered_al
     monkeypatch.setattr(tiles, "_allocate_pools", noting)
     monkeypatch.setattr(record.Recorder, "drain", starved)
     monkeypatch.setattr(record, "memory_room", lambda work, besides=(): 0)
-    monkeypatch.setattr(record, "_LEAST", most)
-    monkeypatch.setattr(record, "_MOST", most)
+    monkeypatch.setattr(buffers, "LEAST_EVENTS", most)
+    monkeypatch.setattr(buffers, "_MOST_EVENTS", most)
     assert everything(film(seen_through(), **NO_TIMES)) == everything(want)
     assert at_once[-1] == 1
 

@@ -16,8 +16,7 @@ import mbinterval as mb
 from mbinterval.analytic import render_analytic
 from mbinterval.cube_maps import directions
 from mbinterval.device.runtime import runtime
-from mbinterval.motion import lay_out
-from mbinterval.plan import make_plan
+from mbinterval.prepare import prepare
 from mbinterval.reflections import _part_of_curve, surroundings
 from mbinterval.scene.exposure import expose, reflecting
 from mbinterval.scene.primitives import PRIMITIVES
@@ -165,13 +164,10 @@ def test_reflections_of_what_mirrors_nothing_are_noted():
     assert expose(scene(), 0, 1.5).notes == ()
 
 
-def pictures(of: mb.Scene, lines: int = 1) -> np.ndarray:
-    settings = mb.Settings(samples=16)
-    exposure = expose(of, 0, 1.5, None, lines, 0.1, 24)
-    plan = make_plan(exposure, lay_out(exposure, *SIZE), settings, *SIZE, (0, 0, *SIZE))
-    on = runtime()
-    found = surroundings(on, of, exposure, plan, lines, partial(render_analytic, on))
-    assert len(found) == len(reflecting(exposure))
+def pictures(of: mb.Scene) -> np.ndarray:
+    ready, on = prepare(of, 0, *SIZE, mb.Settings(samples=16)), runtime()
+    found = surroundings(on, of, ready, partial(render_analytic, on))
+    assert len(found) == len(reflecting(ready.exposure))
     return found[0]
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kernels import plan_of
+from kernels import ready_for
 from nightly import nightly
 from shadow_scenes import AMBIENT, CASES, LAMP, SUN, plate, scene
 
@@ -70,13 +70,13 @@ def test_maps_are_the_same_again_and_differ_by_seed():
 def test_the_plan_has_a_stage_for_maps_where_they_are_asked_for():
     of = CASES["both"]()
     mapped = mb.Settings(**POINTS, shadow_map=32)
-    plan = plan_of(of, mapped, *SIZE)[2]
+    plan = ready_for(of, mapped, *SIZE).plan
     assert "shadow_map" in plan.stages
     assert "-DMB_SHADOW_MAP" in plan.options
     assert dict(plan.numbers)["shadow_size"] == 32
     assert "shadow_map" in mb.render(of, width=8, height=8, settings=mapped).timings
     for other in (mb.Settings(**POINTS), replace(mapped, shadows="off")):
-        plan = plan_of(of, other, *SIZE)[2]
+        plan = ready_for(of, other, *SIZE).plan
         assert "shadow_map" not in plan.stages
         assert not [option for option in plan.options if "SHADOW_MAP" in option]
     with pytest.raises(mb.UsageError, match=r"shadow_map=32 with method='analytic'"):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_forms import FACES, UNIT_CAMERA, slab_times, world
-from kernels import plan_of, render_with
+from kernels import ready_for, render_with
 from nightly import nightly, nightly_but
 from reference.shadows import over_time
 from shadow_scenes import ALL, AMBIENT, CAMERA, CASES, LAMP, MATT, SPOT, SUN, plate, scene, solid
@@ -332,7 +332,7 @@ def test_the_plan_says_why_and_a_scene_without_shadows_has_nothing_of_them():
         (unlit, settings, 0, "nothing reflects them"),
     ):
         for method in ("analytic", "stochastic"):
-            plan = plan_of(scene_, replace(chosen, method=method), 32, 16)[2]
+            plan = ready_for(scene_, replace(chosen, method=method), 32, 16).plan
             effect = next(e for e in plan.effects if e.name == "shadows")
             assert (effect.active, effect.reason) == (count > 0, reason)
             named = [option for option in plan.options if "SHADOW" in option]

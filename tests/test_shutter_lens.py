@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_forms import FACES, UNIT_CAMERA, rectangle, slab, slab_times, world
-from kernels import plan_of, run
+from kernels import ready_for, run
 from nightly import nightly, nightly_but
 from places import places
 from reference import exact
@@ -180,10 +180,10 @@ def test_what_does_not_move_does_not_care_about_the_shutter(shutter):
 def test_nothing_of_it_is_compiled_where_it_is_not_asked_for():
     still = replace(panned(Shutter()), camera=UNIT_CAMERA)
     for scene in (panned(Shutter()), still, replace(still, shutter=Shutter(curve="triangle"))):
-        options = " ".join(plan_of(scene, mb.Settings(), *SIZE)[2].options)
+        options = " ".join(ready_for(scene, mb.Settings(), *SIZE).plan.options)
         for macro in ("LENS", "BLADES", "ROLLING", "SHUTTER", "PLACED", "SCATTERED", "FILTER"):
             assert macro not in options
-    curved = plan_of(panned(CURVES["table"]), mb.Settings(), *SIZE)[2]
+    curved = ready_for(panned(CURVES["table"]), mb.Settings(), *SIZE).plan
     assert "-DMB_SHUTTER_CURVE" in curved.options
     assert dict(curved.numbers)["shutter_keys"] == 5
 

@@ -11,7 +11,7 @@ import pcpp
 import pytest
 from all_effects import SIZE, everything
 from closed_forms import UNIT_CAMERA
-from kernels import plan_of
+from kernels import ready_for
 
 import mbinterval as mb
 from mbinterval.device.sources import kernel_root
@@ -56,7 +56,7 @@ def compiled(file: str, options: tuple[str, ...]) -> str:
 
 
 def source(scene: Scene, method: str) -> str:
-    plan = plan_of(scene, mb.Settings(method=method), *SIZE)[2]
+    plan = ready_for(scene, mb.Settings(method=method), *SIZE).plan
     return compiled(KERNELS[method], plan.options)
 
 

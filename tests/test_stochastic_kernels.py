@@ -6,9 +6,9 @@ import logging
 import re
 
 import pytest
-from kernels import builds_without, plan_of, warns
+from kernels import builds_without, ready_for, warns
 from oclgrind_scenes import SCENES as SMALL
-from oclgrind_scenes import plan_of as small_plan
+from oclgrind_scenes import ready_for as small_ready
 from test_hard_cases import CASES, SIZE
 from test_stochastic_twin import with_lens
 
@@ -22,7 +22,7 @@ POINTS = [name for name, small in SMALL.items() if "method" in small.settings]
 
 @pytest.mark.parametrize("name", POINTS)
 def test_kernels_build_without_a_warning(name, caplog):
-    plan = small_plan(SMALL[name])[2]
+    plan = small_ready(SMALL[name]).plan
     assert not warns(TILE, plan.options)
     if "rgss" in plan.stages:
         assert not warns("stochastic/rgss.cl", plan.options)
@@ -34,7 +34,7 @@ def test_every_culling_method_builds_without_a_lens(cull):
     """Those with one are among the small scenes."""
     pattern = "interleave_uvt" if cull == "interleave_uvt" else "sobol"
     settings = mb.Settings(method="stochastic", cull=cull, pattern=pattern)
-    assert not warns(TILE, plan_of(CASES["shared edges"].make(), settings, *SIZE)[2].options)
+    assert not warns(TILE, ready_for(CASES["shared edges"].make(), settings, *SIZE).plan.options)
 
 
 def test_nothing_of_roots_or_intervals_is_shared():
@@ -57,7 +57,7 @@ def test_what_is_not_asked_for_leaves_no_code():
     settings = mb.Settings(method="stochastic")
     of = CASES["shared edges"].make()
 
-    pinhole, lens = (plan_of(each, settings, *SIZE)[2] for each in (of, with_lens(of)))
+    pinhole, lens = (ready_for(each, settings, *SIZE).plan for each in (of, with_lens(of)))
     assert builds_without(pinhole, ("texture_at", "phong"), "shared/shading.h", TILE)
     assert builds_without(pinhole, ("lens_point", "rank_samples"), "shared/lanes.h", TILE)
     assert not builds_without(lens, ("lens_point",), "shared/lanes.h", TILE)

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from kernels import plan_of, run
+from kernels import ready_for, run
 from nightly import nightly
 from point_samples import drawn_in_frame
 from reference.point_samples import Drawn
@@ -31,7 +31,8 @@ def moving() -> Scene:
 def drawn(of: Scene | None = None, **values: object) -> Drawn:
     of = moving() if of is None else of
     settings = mb.Settings(method=values.pop("method", "stochastic"), **values)
-    exposure, _, plan = plan_of(of, settings, *SIZE)
+    ready = ready_for(of, settings, *SIZE)
+    exposure, plan = ready.exposure, ready.plan
     if of.shutter.rolling:
         exposure = expose(of, 1.0, SIZE[0] / SIZE[1], None, SIZE[1])
     return drawn_in_frame(plan, exposure, *SIZE)
@@ -349,7 +350,7 @@ def test_random_orders_are_kenslers_whatever_the_seed(count):
     rng = np.random.default_rng(count)
     ends = np.array([0, 1, count, *range(2**32 - 6, 2**32)], np.uint32)
     seeds = np.append(ends, rng.integers(0, 2**32, 16 - len(ends), np.uint32))
-    plan = plan_of(moving(), mb.Settings(method="stochastic", pattern="jittered"), *SIZE)[2]
+    plan = ready_for(moving(), mb.Settings(method="stochastic", pattern="jittered"), *SIZE).plan
     places = np.zeros((count, 16), np.uint32)
     *_, places = run("scatter.cl", "orders", [seeds, np.uint32(count), places], plan.options)
     assert np.array_equal(places, order(seeds, count))

@@ -57,7 +57,7 @@ def test_without_a_lens_only(values, words):
 
 
 def test_every_choice_that_is_given_is_in_the_plan():
-    from kernels import plan_of
+    from kernels import ready_for
 
     for values, macro in (
         ({}, "-DMB_CULL_BEST"),
@@ -68,10 +68,10 @@ def test_every_choice_that_is_given_is_in_the_plan():
         ({"frameless": 4}, "-DFRAMELESS_PIXELS=4"),
     ):
         settings = mb.Settings(method="stochastic", **values)
-        plan = plan_of(CASES["shared edges"].make(), settings, *SIZE)[2]
+        plan = ready_for(CASES["shared edges"].make(), settings, *SIZE).plan
         assert macro in plan.options
         assert dict(plan.numbers)["columns"] == {4: 2, 12: 3, 16: 4}[settings.samples]
-        plain = plan_of(CASES["shared edges"].make(), replace(settings, cull="bbox"), *SIZE)[2]
+        plain = ready_for(CASES["shared edges"].make(), replace(settings, cull="bbox"), *SIZE).plan
         assert "-DMB_LENS" not in plain.options
         assert "-DMB_PHONG" not in plain.options
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kernels import plan_of
+from kernels import ready_for
 from nightly import nightly
 from point_samples import drawn_in_frame, twin_film
 from reference.point_samples import nearest_paths
@@ -30,7 +30,8 @@ def with_lens(of: Scene) -> Scene:
 def films(of: Scene, **values: object) -> tuple[np.ndarray, np.ndarray]:
     """The kernels' film and the twin's."""
     settings = mb.Settings(method="stochastic", **values)
-    exposure, _, plan = plan_of(of, settings, *SIZE)
+    ready = ready_for(of, settings, *SIZE)
+    exposure, plan = ready.exposure, ready.plan
     found = mb.render(of, width=SIZE[0], height=SIZE[1], settings=settings).rgba
     return found, twin_film(plan, exposure, *SIZE)[0]
 
@@ -103,7 +104,8 @@ def test_motion_segments_and_static_meshes_together():
 def test_depth_is_the_mean_of_what_is_seen():
     of = CASES["order that swaps twice"].make()
     settings = mb.Settings(method="stochastic", samples=16)
-    exposure, _, plan = plan_of(of, settings, *SIZE)
+    ready = ready_for(of, settings, *SIZE)
+    exposure, plan = ready.exposure, ready.plan
     drawn = drawn_in_frame(plan, exposure, *SIZE)
     path, _, depth = nearest_paths(expose(of, 1.0, SIZE[0] / SIZE[1]), *SIZE, drawn)
     seen = path >= 0

@@ -140,7 +140,7 @@ def programs() -> list[str]:
 
 
 def options_of(scene: str) -> tuple[str, ...]:
-    return oclgrind_scenes.plan_of(oclgrind_scenes.SCENES[scene])[2].options if scene else ()
+    return oclgrind_scenes.ready_for(oclgrind_scenes.SCENES[scene]).plan.options if scene else ()
 
 
 @pytest.mark.parametrize("cpu", ["penryn", nightly("haswell")])

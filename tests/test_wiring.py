@@ -15,10 +15,10 @@ from itertools import product
 import numpy as np
 import pytest
 from closed_forms import UNIT_CAMERA
-from kernels import plan_of
+from kernels import ready_for
 
 import mbinterval as mb
-from mbinterval import stochastic, tiles
+from mbinterval.buffers import pools, scratch
 from mbinterval.device import records
 from mbinterval.device.runtime import runtime
 from mbinterval.device.sources import kernel_root
@@ -90,7 +90,7 @@ SWITCHES = {
 @pytest.mark.parametrize("method", SWITCHES)
 def test_scratch_and_pools_are_those_that_the_kernel_takes_with_any_effects(method):
     scene = Scene([], camera=UNIT_CAMERA)
-    plan = plan_of(scene, mb.Settings(method=method, samples=4), 32, 16)[2]
+    plan = ready_for(scene, mb.Settings(method=method, samples=4), 32, 16).plan
     text = text_of(f"{method}/tile.cl")
     known = {name for line in text.splitlines() for name in re.findall(r"\b[A-Z][A-Z_]+\b", line)}
     assert known - {"SHADOW_MAP"} == set(SWITCHES[method])
@@ -101,9 +101,7 @@ def test_scratch_and_pools_are_those_that_the_kernel_takes_with_any_effects(meth
         stages = (*plan.stages, *(("shadow",) if "SHADOWS" in active else ()))
         asked = replace(plan, active=active, stages=stages)
         taken = parameters(text, active)
-        module = tiles if method == "analytic" else stochastic
-        given = {name: kind for name, (kind, _) in module._scratch(asked).items()}
-        given |= tiles.pools(asked) if method == "analytic" else {}
+        given = {name: kind for name, (kind, _) in scratch(asked).items()} | pools(asked)
         assert {name: f"{kind}*" for name, kind in given.items()}.items() <= taken.items()
         assert taken.keys() & all_scratch <= given.keys()
 

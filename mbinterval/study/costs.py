@@ -14,11 +14,9 @@ import numpy as np
 from mbinterval.bench import Brevity, measure
 from mbinterval.bench_cases import Case
 from mbinterval.device.meter import MeteredRuntime
-from mbinterval.effects import Effect, effects_of
+from mbinterval.effects import Effect
 from mbinterval.film import Film
-from mbinterval.motion import lay_out
-from mbinterval.plan import roll_lines
-from mbinterval.scene.exposure import expose
+from mbinterval.prepare import prepare
 from mbinterval.scene.generators import ho17_cubes
 from mbinterval.scene.model import Mesh, Scene
 from mbinterval.settings import Settings
@@ -187,10 +185,5 @@ def _effect(
 def active_effects(case: Case) -> list[Effect]:
     """Effects that exact time has in the scene, in the order of the pipeline."""
     settings = Settings.from_mapping(METHODS["exact, 1 sample"])
-    lines = roll_lines(case.scene, case.width, case.height)
-    aspect = case.width / case.height
-    exposure = expose(
-        *(case.scene, case.frame, aspect, None, lines, settings.motion_error, case.height)
-    )
-    found = effects_of(exposure, lay_out(exposure, case.width, case.height), settings)
-    return [effect for effect in found if effect.active]
+    ready = prepare(case.scene, case.frame, case.width, case.height, settings)
+    return [effect for effect in ready.plan.effects if effect.active]
