@@ -25,11 +25,10 @@ from mbinterval.aovs import EXPORTS
 from mbinterval.atomic import output_place, prepare_output
 from mbinterval.errors import SceneError, UsageError
 from mbinterval.film import Film
+from mbinterval.formats import ending_for, format_of
 from mbinterval.frames import (
     CAMERA_PLACE,
-    DEEP,
     FRAME_PLACE,
-    export_of,
     frame_path,
     has_camera,
     is_numbered,
@@ -162,17 +161,16 @@ def _camera_name(scene: Scene, camera: int | None) -> str:
 
 def check_exports(job: Job) -> None:
     """Raise `UsageError` for what would go to no file, and for a file of a missing package's."""
-    files = {export_of(output) for output in job.outputs}
-    ends = {"deep": FRAME_PLACE + DEEP, "events": FRAME_PLACE + ".npz"}
+    formats = [format_of(output) for output in job.outputs]
+    parts = {format.part for format in formats}
     for name in EXPORTS:
-        if name in job.settings.aovs and name not in files:
+        if name in job.settings.aovs and name not in parts:
             raise UsageError(
-                f"aovs: {name} goes to files of its own; add an output such as name.{ends[name]}"
+                f"aovs: {name} goes to files of its own; add an output such as name.{FRAME_PLACE}"
+                f"{ending_for(name)}"
             )
-    if any(output.lower().endswith(".parquet") for output in job.outputs):
-        from mbinterval.events import check_parquet
-
-        check_parquet()
+    for format in formats:
+        format.check()
 
 
 def _check_clashes(job: Job, tasks: Sequence[Task]) -> None:

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import mbinterval
 from mbinterval.errors import MbintervalError, SceneError, UsageError
+from mbinterval.formats import format_of
 from mbinterval.frames import (
     CAMERA_PLACE,
     FRAME_PLACE,
-    export_of,
     literal,
     parse_frames,
     parse_outputs,
@@ -339,7 +339,7 @@ def _settings(
 ) -> Settings:
     """Settings of the scene file under those of the command line, and what ``outputs`` need."""
     joined = {**stored, **overruled}
-    needed = list(dict.fromkeys(filter(None, map(export_of, outputs))))
+    needed = list(dict.fromkeys(filter(None, (format_of(output).part for output in outputs))))
     if needed:
         joined["aovs"] = check_setting("aovs", [*joined.get("aovs", ()), *needed])
     for conflict in conflicts(joined):

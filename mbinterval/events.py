@@ -14,31 +14,20 @@ film's; with ``event_steps=1`` the film is the sum of its events but for roundin
 
 from __future__ import annotations
 
-import io
-import json
-import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.atomic import write_file
 from mbinterval.checks import number
 from mbinterval.errors import CapacityError, UsageError
-from mbinterval.event_files import TEXTS, read_events
-from mbinterval.exr import PIXEL_DIGEST, AttributeValue, pixel_digest
+from mbinterval.event_files import COLUMNS, digest_of, read_parts
+from mbinterval.exr import AttributeValue
+from mbinterval.formats import format_of
 
-COLUMNS: Mapping[str, str] = {
-    **dict.fromkeys(("t0", "t1", "weight", "share"), "f4"),
-    **dict.fromkeys(("object", "face"), "u4"),
-    **dict.fromkeys(("z0", "z1", "r", "g", "b", "a"), "f4"),
-}
-"""What is known of each event, by name, and its type; see `Events`."""
-
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # the day of every file in an archive: equal events, equal bytes
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
@@ -187,14 +176,11 @@ class Events:
         OutputError
             Where the file can't be written; nothing is left then, and an older file stays.
         """
-        path = Path(path)
-        if path.suffix.lower() == ".parquet":
-            _write_parquet(path, self)
-        elif path.suffix.lower() == ".npz":
-            _write_npz(path, self)
-        else:
+        kind = format_of(path)
+        if kind.part != "events":
             raise UsageError(f"{path}: events are written as .npz or .parquet")
-        return path
+        kind.write(Path(path), self)
+        return Path(path)
 
     @classmethod
     def read(cls, path: str | Path) -> Events:
@@ -205,55 +191,15 @@ class Events:
         OutputError
             Where the file is missing, broken, cut off or of another kind.
         """
-        return read_events(Path(path), COLUMNS)
+        return cls(**read_parts(Path(path)))
 
     def digest(self) -> str:
         """SHA-256 of all events."""
-        return pixel_digest({"offsets": self.offsets, **self.columns})
+        return digest_of(self.parts())
 
-    def _texts(self) -> dict[str, str]:
-        metadata = {**self.metadata, PIXEL_DIGEST: self.digest()}
-        values = (self.shape, self.resolution, self.origin, metadata)
-        texts = [json.dumps(value, ensure_ascii=False) for value in values]
-        return dict(zip(TEXTS, texts, strict=True))
-
-
-def _write_npz(path: Path, events: Events) -> None:
-    arrays = {"offsets": events.offsets, **events.columns}
-    arrays |= {name: np.array(text) for name, text in events._texts().items()}
-    written = io.BytesIO()
-    with zipfile.ZipFile(written, "w") as archive:
-        for name, array in arrays.items():
-            info = zipfile.ZipInfo(f"{name}.npy", _EPOCH)
-            content = io.BytesIO()
-            np.lib.format.write_array(content, array, allow_pickle=False)
-            archive.writestr(info, content.getvalue(), zipfile.ZIP_DEFLATED, 1)
-    write_file(path, written.getvalue())
-
-
-def check_parquet() -> None:
-    """Raise ``UsageError`` where Parquet can't be written."""
-    try:
-        import pyarrow.parquet  # noqa: F401
-    except ImportError:
-        raise UsageError(
-            "events as .parquet need pyarrow: pip install 'mbinterval[parquet]', or write .npz"
-        ) from None
-
-
-def _write_parquet(path: Path, events: Events) -> None:
-    check_parquet()
-    import pyarrow
-    import pyarrow.parquet
-
-    pixel, sample = np.divmod(events.sample, events.shape[2])
-    y, x = np.divmod(pixel, events.shape[1])
-    places = {"x": x, "y": y, "sample": sample}
-    found = {name: values.astype(np.uint32) for name, values in places.items()}
-    table = pyarrow.table({**found, **events.columns}).replace_schema_metadata(events._texts())
-    written = pyarrow.BufferOutputStream()
-    pyarrow.parquet.write_table(table, written, compression="zstd")
-    write_file(path, memoryview(written.getvalue()))
+    def parts(self) -> dict[str, Any]:
+        """Return the attributes by name."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
 
 
 class EventTable:

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from mbinterval.aovs import AOVS, channels_of, layers_of
 from mbinterval.checks import nearest
 from mbinterval.errors import OutputError, UsageError
-from mbinterval.exr import PIXEL_DIGEST, AttributeValue, ExrImage, read_exr, write_exr
-from mbinterval.frames import check_ending, export_of
-from mbinterval.images import write_png
+from mbinterval.exr import PIXEL_DIGEST, AttributeValue, ExrImage, read_exr
+from mbinterval.formats import format_of
 
 if TYPE_CHECKING:
     from mbinterval.deep import DeepImage
@@ -112,29 +111,28 @@ class Film:
         OutputError
             Where the file can't be written; nothing is left then, and an older file stays.
         """
-        check_ending(path)
-        path, export = Path(path), export_of(path)
-        if export:
-            return self._export(path, export)
-        if path.suffix.lower() == ".png":
-            write_png(path, self.rgba, self.transparent, self.metadata)
+        kind, path = format_of(path), Path(path)
+        if not kind.part:
+            kind.write(path, self._image())
             return path
+        found: DeepImage | Events | None = getattr(self, kind.part)
+        if found is None:
+            raise UsageError(
+                f"{path}: the film has no {kind.part}; render it with aovs={kind.part!r}"
+            )
+        of_film = replace(
+            found, resolution=self.resolution, origin=self.origin, metadata=self.metadata
+        )
+        kind.write(path, of_film)
+        return path
+
+    def _image(self) -> ExrImage:
         channels: dict[str, NDArray[Any]] = {
             name: self.rgba[..., index] for index, name in enumerate(_COLOUR)
         }
         channels |= {"Z": self.depth, "intervals": self.intervals, **channels_of(self.layers)}
         attributes = {**self.metadata, "transparent": int(self.transparent)}
-        write_exr(path, ExrImage(channels, self.resolution, self.origin, attributes))
-        return path
-
-    def _export(self, path: Path, name: str) -> Path:
-        """Write the deep image or the events, with what the film says about itself."""
-        found = self.deep if name == "deep" else self.events
-        if found is None:
-            raise UsageError(f"{path}: the film has no {name}; render it with aovs={name!r}")
-        return replace(
-            found, resolution=self.resolution, origin=self.origin, metadata=self.metadata
-        ).write(path)
+        return ExrImage(channels, self.resolution, self.origin, attributes)
 
     @classmethod
     def read(cls, path: str | Path) -> Film:

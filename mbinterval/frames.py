@@ -12,12 +12,7 @@ from pathlib import Path
 
 from mbinterval.checks import shown
 from mbinterval.errors import UsageError
-
-ENDINGS = (".exr", ".png", ".npz", ".parquet")
-"""Endings of the files that a film can be written to."""
-
-DEEP = ".deep.exr"
-"""Ending of the files that its deep image is written to."""
+from mbinterval.formats import format_of
 
 RESOLUTION = (1024, 768)
 """Width and height in pixels where nothing gives them."""
@@ -73,7 +68,7 @@ def parse_frames(text: str) -> list[int]:
 
 
 def parse_outputs(text: str) -> list[str]:
-    """Files that ``text`` names, with commas between them; each has one of ``ENDINGS``.
+    """Files that ``text`` names, with commas between them; each of one of `FORMATS`.
 
     Raises
     ------
@@ -87,26 +82,8 @@ def parse_outputs(text: str) -> list[str]:
         if "\0" in output:
             raise UsageError(f"output {output!r}: no file has a 0 in its name")
         _parts(output)
-        check_ending(output)
+        format_of(output)
     return outputs
-
-
-def check_ending(path: str | Path) -> None:
-    """Raise ``UsageError`` for a file that no film can be written to."""
-    if not isinstance(path, str | Path):
-        raise UsageError(f"{shown(path)}: expected the path of a file")
-    ending = Path(path).suffix
-    if ending.lower() not in ENDINGS:
-        has = f"unknown ending {ending!r}" if ending else "no ending"
-        raise UsageError(f"{path}: {has}; expected {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}")
-
-
-def export_of(path: str | Path) -> str:
-    """Return what of a film goes to ``path``: "deep", "events", or "" for the film itself."""
-    name = str(path).lower()
-    if name.endswith(DEEP):
-        return "deep"
-    return "events" if name.endswith((".npz", ".parquet")) else ""
 
 
 def is_numbered(pattern: str) -> bool:

@@ -18,13 +18,10 @@ from typing import Any
 
 import mbinterval
 from mbinterval.atomic import output_place
-from mbinterval.deep import CHANNELS
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import OutputError
-from mbinterval.events import Events
-from mbinterval.exr import PIXEL_DIGEST, pixel_digest, read_deep, read_exr
-from mbinterval.frames import export_of
-from mbinterval.images import read_png
+from mbinterval.exr import PIXEL_DIGEST
+from mbinterval.formats import format_of
 from mbinterval.ownership import SOFTWARE
 from mbinterval.scene.camera import Shutter
 from mbinterval.settings import Settings
@@ -94,7 +91,7 @@ def why_not(path: Path, identity: str) -> str:
     if not path.exists():
         return "is missing"
     try:
-        attributes, digest = _decoded(path)
+        attributes, digest = format_of(path).stored(path)
     except OutputError as error:
         return str(error).removeprefix(f"{path}: ")
     if not identity or attributes.get(IDENTITY) != identity:
@@ -108,19 +105,3 @@ def _difference(attributes: Mapping[str, Any]) -> str:
     if attributes.get("software") != SOFTWARE:
         return f"is by {attributes.get('software')}"
     return "was rendered from another scene, or with other settings"
-
-
-def _decoded(path: Path) -> tuple[Mapping[str, Any], str]:
-    """Attributes of an image file, and the digest of its pixels."""
-    if path.suffix.lower() == ".png":
-        pixels, text = read_png(path)
-        return text, pixel_digest({"": pixels})
-    export = export_of(path)
-    if export == "events":
-        events = Events.read(path)
-        return events.metadata, events.digest()
-    if export == "deep":
-        counts, channels, image = read_deep(path, CHANNELS)
-        return image.attributes, pixel_digest({"": counts, **channels})
-    image = read_exr(path)
-    return image.attributes, pixel_digest(image.channels)

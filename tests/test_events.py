@@ -327,8 +327,12 @@ def test_a_film_without_them_and_other_files_are_refused(tmp_path):
     plain = mb.render(scene([]), width=4, height=4)
     with pytest.raises(UsageError, match=r"a\.npz: the film has no events; .*aovs='events'"):
         plain.write(tmp_path / "a.npz")
-    with pytest.raises(UsageError, match=r"a\.txt: events are written as \.npz or \.parquet"):
-        film(scene([])).events.write(tmp_path / "a.txt")
+    for name, refusal in (
+        ("a.txt", "unknown ending"),
+        ("a.exr", r"events are written as \.npz or"),
+    ):
+        with pytest.raises(UsageError, match=f"{name}: {refusal}"):
+            film(scene([])).events.write(tmp_path / name)
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     with pytest.raises(OutputError, match=r"other\.npz: not a whole file of events"):
         mb.Events.read(tmp_path / "other.npz")
