@@ -1,4 +1,7 @@
-"""Tails of the distributions of Student and Fisher, and Holm's correction: statistics in NumPy."""
+"""Tails of the distributions of Student and Fisher, and Holm's correction: statistics in NumPy.
+
+``compare`` is part of the core installation, which has no SciPy (100 MB); tests compare.
+"""
 
 from __future__ import annotations
 

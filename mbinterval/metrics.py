@@ -3,6 +3,8 @@
 Images are ``(H, W, 3)`` arrays of scene-linear Rec.709 colour. RMSE, relative MSE, MAE and PSNR
 are over linear values that are not clipped, all pixels and channels alike. SSIM and FLIP are about
 what people see: SSIM of the sRGB curve clipped to [0, 1], HDR-FLIP at the fixed `EXPOSURES`.
+
+SSIM is written out, since scikit-image would bring SciPy to the core; the tests hold it to that.
 """
 
 from __future__ import annotations

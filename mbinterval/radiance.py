@@ -1,7 +1,8 @@
 """Radiance's pictures (.hdr): four bytes a pixel, one of them the exponent of all three colours.
 
 Ward 1991, "Real Pixels", and the run lengths that its programs write since then, one channel of a
-row after the other.
+row after the other. Nothing that the core needs reads them: Pillow does not, and imageio would look
+for a FreeImage that was downloaded before.
 """
 
 from __future__ import annotations

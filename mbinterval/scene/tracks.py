@@ -282,6 +282,7 @@ def _value(value: Track | tuple[float, ...], frame: float) -> Float64:
     return value.at(frame) if isinstance(value, Track) else np.asarray(value, dtype=np.float64)
 
 
+# The core has no SciPy for rotations; trimesh, which has some, takes 0.6 s to load.
 def slerp(a: Float64, b: Float64, part: float) -> Float64:
     """Spherical interpolation of unit quaternions along the shorter arc (Shoemake 1985)."""
     dot = float(a @ b)

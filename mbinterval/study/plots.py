@@ -1,4 +1,7 @@
-"""Plots as inline SVG: points and lines on axes, linear or logarithmic, and stacked bars."""
+"""Plots as inline SVG: points and lines on axes, linear or logarithmic, and stacked bars.
+
+No plotting library is among what a study needs; SVG of its own also keeps its page one file.
+"""
 
 from __future__ import annotations
 
