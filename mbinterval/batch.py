@@ -20,20 +20,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import mbinterval
 from mbinterval.aovs import EXPORTS
 from mbinterval.atomic import output_place, prepare_output
 from mbinterval.errors import SceneError, UsageError
 from mbinterval.film import Film
 from mbinterval.formats import ending_for, format_of
-from mbinterval.frames import (
-    CAMERA_PLACE,
-    FRAME_PLACE,
-    frame_path,
-    has_camera,
-    is_numbered,
-)
+from mbinterval.frames import CAMERA_PLACE, FRAME_PLACE, frame_path, has_camera, is_numbered
 from mbinterval.ownership import check_replaceable
+from mbinterval.renderer import render
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
 
@@ -262,7 +256,7 @@ def render_task(job: Job, task: Task, progress: Progress | None = None) -> Film:
     """Render one frame; the film says what it is."""
     scene = job.scene if task.camera is None else job.scene.through(task.camera)
     with told_of(job.source, task.frame):
-        film = mbinterval.render(
+        film = render(
             scene,
             frame=task.frame,
             width=job.resolution[0],

@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import mbinterval
 from mbinterval.bench_cases import Case
 from mbinterval.checks import nearest
 from mbinterval.device.choose import choose_device
@@ -37,8 +36,10 @@ from mbinterval.device.meter import (
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
 from mbinterval.ownership import SOFTWARE
+from mbinterval.renderer import render
 from mbinterval.settings import RULES, Settings
 from mbinterval.stochastic_plan import sample_count
+from mbinterval.version import __version__
 
 _log = logging.getLogger(__name__)
 
@@ -283,7 +284,7 @@ def _render(
     meter: MeteredRuntime,
     crop: tuple[int, int, int, int] | None = None,
 ) -> Film:
-    return mbinterval.render(
+    return render(
         case.scene,
         frame=case.frame,
         width=case.width,
@@ -386,7 +387,7 @@ def _spread(seconds: Sequence[float]) -> float:
 def _versions(device: Any) -> dict[str, str]:
     packages = ("numpy", "pyopencl")
     return {
-        "mbinterval": mbinterval.__version__,
+        "mbinterval": __version__,
         "python": platform.python_version(),
         **{name: version(name) for name in packages},
         "opencl": device.platform.version.strip(),

@@ -15,7 +15,7 @@ from mbinterval.arrays import read_arrays
 from mbinterval.checks import nearest
 from mbinterval.errors import SceneError, UsageError
 from mbinterval.film import Film
-from mbinterval.frames import parse_frames, resolution
+from mbinterval.frame_ranges import parse_frames, resolution
 from mbinterval.scene.generators import GENERATORS
 from mbinterval.scene.load import load_file
 from mbinterval.scene.model import Material, Mesh, Scene

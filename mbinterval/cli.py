@@ -14,15 +14,17 @@ from dataclasses import fields
 from types import FrameType
 from typing import Any, NoReturn
 
-from mbinterval import __version__, commands
+from mbinterval import commands
 from mbinterval import evaluation_options as evaluation
 from mbinterval import option_values as values
 from mbinterval.checks import nearest
 from mbinterval.errors import MbintervalError, Terminated, exit_code
-from mbinterval.frames import parse_frames, parse_outputs
+from mbinterval.frame_ranges import parse_frames
+from mbinterval.frames import parse_outputs
 from mbinterval.setting_rules import rule_of
 from mbinterval.settings import Settings
 from mbinterval.streams import prepare_streams
+from mbinterval.version import __version__
 
 _log = logging.getLogger("mbinterval")
 

@@ -11,17 +11,10 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import mbinterval
 from mbinterval.errors import MbintervalError, SceneError, UsageError
 from mbinterval.formats import format_of
-from mbinterval.frames import (
-    CAMERA_PLACE,
-    FRAME_PLACE,
-    literal,
-    parse_frames,
-    parse_outputs,
-    resolution,
-)
+from mbinterval.frame_ranges import parse_frames, resolution
+from mbinterval.frames import CAMERA_PLACE, FRAME_PLACE, literal, parse_outputs
 from mbinterval.option_values import several_devices
 from mbinterval.ownership import SOFTWARE
 from mbinterval.settings import SETTINGS, Settings, check_setting, conflicts
@@ -168,14 +161,8 @@ def bench(arguments: argparse.Namespace) -> None:
     """``mbinterval bench``: measure, print, and compare with a baseline."""
     from mbinterval import bench as benchmark
     from mbinterval.bench_cases import make_case
-    from mbinterval.bench_report import (
-        changes,
-        check_result,
-        comparison,
-        read_result,
-        table,
-        write_result,
-    )
+    from mbinterval.bench_report import changes, comparison, read_result, table
+    from mbinterval.results import check_result, write_result
 
     if arguments.tolerance is not None and arguments.baseline is None:
         raise UsageError("tolerance is for comparing with a baseline; give --baseline FILE")
@@ -221,8 +208,9 @@ def bench(arguments: argparse.Namespace) -> None:
 
 def compare(arguments: argparse.Namespace) -> None:
     """``mbinterval compare``: renders and files against the first of them."""
-    from mbinterval.bench_report import check_result, write_result
     from mbinterval.compare_sources import read_sources, render_sources, table, write_maps
+    from mbinterval.comparison import compare as compare_films
+    from mbinterval.results import check_result, write_result
 
     if arguments.json:
         check_result(arguments.json)
@@ -243,7 +231,7 @@ def compare(arguments: argparse.Namespace) -> None:
         name = source.name
         while name in results:
             name += "'"
-        results[name] = mbinterval.compare(
+        results[name] = compare_films(
             source.films, reference.films, samples=arguments.assume_samples, level=arguments.level
         )
     print(table(reference, results), flush=True)
@@ -272,8 +260,9 @@ def recommend(arguments: argparse.Namespace) -> None:
 def devices(_arguments: argparse.Namespace) -> None:
     """``mbinterval devices``: one line for each device."""
     from mbinterval.device.choose import choose_device
+    from mbinterval.device.choose import devices as listed_devices
 
-    listed = mbinterval.devices()
+    listed = listed_devices()
     if not listed:
         choose_device()  # raises, and explains why there is none
     for device in listed:

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import mbinterval
-from mbinterval.bench_report import aligned
 from mbinterval.comparison import METRICS, Comparison
 from mbinterval.errors import UsageError
 from mbinterval.film import Film
 from mbinterval.ownership import check_replaceable
+from mbinterval.renderer import render
+from mbinterval.results import aligned
 
 _log = logging.getLogger(__name__)
 
@@ -57,7 +57,7 @@ def render_sources(
         films = []
         for index in range(arguments.repeats):
             settings = replace(job.settings, seed=(job.settings.seed + index) % 2**32)
-            film = mbinterval.render(
+            film = render(
                 job.scene,
                 frame=job.frames[0],
                 width=width,

@@ -22,7 +22,7 @@ from mbinterval.dask_worker import Done, Order, render_part
 from mbinterval.engines import Engine, Outcome, Outcomes, Tell
 from mbinterval.errors import DeviceError, UsageError
 from mbinterval.film import Film
-from mbinterval.frames import parse_frames, resolution
+from mbinterval.frame_ranges import parse_frames, resolution
 from mbinterval.parts import Crop, join, split
 from mbinterval.settings import Settings
 

@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import mbinterval
 from mbinterval.batch import opened
 from mbinterval.errors import CapacityError, MbintervalError, SceneError, UsageError
 from mbinterval.film import Film
 from mbinterval.parts import Crop
+from mbinterval.renderer import render
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
+from mbinterval.version import __version__
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ def render_part(order: Order, frame: int, camera: int | None, crop: Crop) -> Don
     started = time.perf_counter()
     try:
         scene = _scene_of(order, worker)
-        film = mbinterval.render(
+        film = render(
             scene if camera is None else scene.through(camera),
             frame=frame,
             width=order.resolution[0],
@@ -80,7 +81,7 @@ def _scene_of(order: Order, worker: str) -> Scene:
 
     if program_digest() != order.program:
         raise UsageError(
-            f"the worker has another mbinterval (here {mbinterval.__version__}); install the same "
+            f"the worker has another mbinterval (here {__version__}); install the same "
             "one everywhere"
         )
     key = order.source, tuple(sorted(order.files.items())), order.animation, order.shutter

@@ -18,10 +18,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from mbinterval import __version__
 from mbinterval.atomic import open_stream, output_place, prepare_output, write_all
 from mbinterval.batch import Job, Report, Task
 from mbinterval.errors import OutputError, exit_code
+from mbinterval.version import __version__
 
 _log = logging.getLogger(__name__)
 

@@ -14,9 +14,9 @@ import zlib
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mbinterval import __version__
 from mbinterval.atomic import output_place
 from mbinterval.errors import OutputError
+from mbinterval.version import __version__
 
 MADE_BY = "mbinterval "
 SOFTWARE = f"{MADE_BY}{__version__}"

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from mbinterval import ids
+from mbinterval.analytic_plan import analytic_plan
 from mbinterval.flow import add_flow, flow_notes
 from mbinterval.memory import check_paths
 from mbinterval.motion import Motion, lay_out
-from mbinterval.plan import Crop, Plan, check_crop, make_plan, roll_lines
+from mbinterval.plan import Crop, Plan, check_crop, roll_lines
 from mbinterval.scene.exposure import Exposure, expose
 from mbinterval.scene.model import Scene
 from mbinterval.settings import Settings
+from mbinterval.stochastic_plan import stochastic_plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +30,19 @@ class Prepared:
         plan = self.plan
         again = make_plan(exposure, self.motion, plan.settings, plan.width, plan.height, plan.crop)
         return replace(self, exposure=exposure, plan=replace(again, memory=plan.memory))
+
+
+def make_plan(
+    exposure: Exposure,
+    motion: Motion,
+    settings: Settings,
+    width: int,
+    height: int,
+    crop: Crop,
+) -> Plan:
+    """Plan the render of ``exposure``, laid out as ``motion``, by the method of ``settings``."""
+    planned = analytic_plan if settings.method == "analytic" else stochastic_plan
+    return planned(exposure, motion, settings, width, height, crop)
 
 
 def prepare(

@@ -16,7 +16,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import mbinterval
 from mbinterval.atomic import output_place
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import OutputError
@@ -39,7 +38,7 @@ def named_digests(files: Mapping[Path, str]) -> dict[str, str]:
 @cache
 def program_digest() -> str:
     """Digest of this program: of its modules and its kernels, whatever their version says."""
-    package = Path(mbinterval.__file__).parent
+    package = Path(__file__).parent
     sources = [(package, "*.py"), (kernel_root(), "*.cl"), (kernel_root(), "*.h")]
     digest = hashlib.sha256()
     for root, pattern in sources:

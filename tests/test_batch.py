@@ -49,7 +49,7 @@ class Batch:
             self.frames.append(arguments["frame"])
             return real(scene, **arguments)
 
-        monkeypatch.setitem(vars(mbinterval), "render", render)
+        monkeypatch.setattr("mbinterval.batch.render", render)
 
     def __call__(self, *arguments, scene="s.toml"):
         """Exit code, frames that were rendered, and what was said."""

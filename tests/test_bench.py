@@ -14,7 +14,7 @@ from closed_forms import rectangle, scene, slab
 import mbinterval as mb
 from mbinterval import bench, cli
 from mbinterval.bench_cases import Case, is_closed, make_case
-from mbinterval.bench_report import changes, comparison, read_result, table, write_result
+from mbinterval.bench_report import changes, comparison, read_result, table
 from mbinterval.device import records
 from mbinterval.device.choose import choose_device
 from mbinterval.device.meter import (
@@ -27,6 +27,7 @@ from mbinterval.device.meter import (
 )
 from mbinterval.device.runtime import runtime
 from mbinterval.errors import SceneError, UsageError
+from mbinterval.results import write_result
 from mbinterval.scene.generators import blades, dense_sphere, fast_cubes
 from mbinterval.scene.primitives import box, plane
 
@@ -98,13 +99,13 @@ def test_rows_state_their_settings_in_full(result):
 
 def test_rounds_are_interleaved(monkeypatch):
     asked = []
-    render = mb.render
+    render = bench.render
 
     def noting(*arguments, **options):
         asked.append((options["settings"].samples, options["settings"].paths))
         return render(*arguments, **options)
 
-    monkeypatch.setattr(mb, "render", noting)
+    monkeypatch.setattr(bench, "render", noting)
     bench.measure([small_case()], ["exact 1", "exact 2", "hong-oh"], rounds=2)
     assert asked == [(1, "exact"), (2, "exact"), (1, "triangulated")] * 3  # one builds the kernels
 
@@ -408,7 +409,7 @@ def test_the_command_prints_writes_and_compares(tmp_path, capsys):
     ],
 )
 def test_mistakes_are_told_before_anything_is_rendered(options, message, capsys, monkeypatch):
-    monkeypatch.setattr(mb, "render", lambda *_, **__: pytest.fail("rendered"))
+    monkeypatch.setattr(bench, "render", lambda *_, **__: pytest.fail("rendered"))
     assert cli.main(["bench", "fast_cubes:20", *SMALL, *options]) == 2
     assert message in capsys.readouterr().err
 

@@ -63,7 +63,7 @@ def api(monkeypatch, tmp_path):
     loader = types.ModuleType("mbinterval.scene.load")
     loader.load_file = fake.load_file
     monkeypatch.setitem(sys.modules, "mbinterval.scene.load", loader)
-    monkeypatch.setitem(vars(mbinterval), "render", fake.render)
+    monkeypatch.setattr("mbinterval.batch.render", fake.render)
     monkeypatch.chdir(tmp_path)
     return fake
 
@@ -262,7 +262,7 @@ def job(monkeypatch, tmp_path, capsys):
     Gives exit code, settings that were asked for, and what was said.
     """
     fake = FakeApi()
-    monkeypatch.setitem(vars(mbinterval), "render", fake.render)
+    monkeypatch.setattr("mbinterval.batch.render", fake.render)
     monkeypatch.chdir(tmp_path)
 
     def run(text, *arguments):

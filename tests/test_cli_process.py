@@ -19,7 +19,7 @@ ROOT = Path(__file__).parent.parent
 
 SLOW = """
 import sys, time, types
-import numpy as np, mbinterval
+import numpy as np, mbinterval.batch
 from mbinterval import cli
 from mbinterval.film import Film
 from mbinterval.scene.load import SceneFile
@@ -41,7 +41,7 @@ def render(scene, *, frame, width, height, progress, **_):
     made = {"software": "mbinterval test"}
     return Film(np.ones((height, width, 4)), pixels, pixels, {}, (width, height), metadata=made)
 
-mbinterval.render = render
+mbinterval.batch.render = render
 sys.exit(cli.main(["render", "s.toml", "--frames", "1-3", "--width", "8", *sys.argv[1:]]))
 """
 

@@ -10,6 +10,7 @@ import pytest
 
 import mbinterval as mb
 from mbinterval.bench_cases import make_case
+from mbinterval.study import reference
 from mbinterval.study.reference import Reference, converged, fingerprint
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -95,7 +96,7 @@ def test_it_is_kept_and_read_back_and_refined(tmp_path, monkeypatch, caplog):
     (file,) = tmp_path.iterdir()
     assert "fast_cubes-40-" in file.name
     with monkeypatch.context() as patch:
-        patch.setattr(mb, "render", None)  # and would raise
+        patch.setattr(reference, "render", None)  # and would raise
         kept = converged(case_of(), NOISY, 1e-9, most=4, folder=tmp_path)
     assert np.array_equal(kept.halves, made.halves)
     assert (kept.renders, kept.seconds) == (4, made.seconds)

@@ -20,7 +20,7 @@ from nightly import nightly
 from test_batch_process import OPTIONS, ROOT, SCENE, finish, images, start
 
 from mbinterval.errors import UsageError
-from mbinterval.frames import parse_frames
+from mbinterval.frame_ranges import parse_frames
 from mbinterval.job_template import frame_ranges, job_template, render_options
 from mbinterval.parts import join, split
 

@@ -5,14 +5,8 @@ from pathlib import Path
 import pytest
 
 from mbinterval import errors
-from mbinterval.frames import (
-    frame_path,
-    has_camera,
-    is_numbered,
-    literal,
-    parse_frames,
-    parse_outputs,
-)
+from mbinterval.frame_ranges import parse_frames
+from mbinterval.frames import frame_path, has_camera, is_numbered, literal, parse_outputs
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ import mbinterval as mb
 from mbinterval.appearance import appearance
 from mbinterval.errors import SceneError
 from mbinterval.motion import lay_out
-from mbinterval.plan import make_plan
+from mbinterval.prepare import make_plan
 from mbinterval.sampling import fixed_pattern
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Texture

@@ -63,8 +63,8 @@ import json, os, resource, sys
 from pathlib import Path
 import numpy as np
 import mbinterval as mb
-from mbinterval.bench_report import write_result
 from mbinterval.ownership import SOFTWARE
+from mbinterval.results import write_result
 from mbinterval.stats_file import StatsFile
 from mbinterval.study import reference, run
 

@@ -16,7 +16,7 @@ from test_exact_films import rms
 import mbinterval as mb
 from mbinterval.appearance import appearance
 from mbinterval.motion import lay_out
-from mbinterval.plan import make_plan
+from mbinterval.prepare import make_plan
 from mbinterval.scene.exposure import expose
 from mbinterval.scene.model import Camera, Material, Mesh, Scene, Texture
 

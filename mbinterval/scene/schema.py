@@ -16,7 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationInf
 from pydantic_core import PydanticCustomError
 
 from mbinterval.errors import UsageError
-from mbinterval.frames import parse_frames, parse_outputs
+from mbinterval.frame_ranges import parse_frames
+from mbinterval.frames import parse_outputs
 from mbinterval.scene.checks import LARGEST, UPTO
 
 Vector3 = tuple[float, float, float]

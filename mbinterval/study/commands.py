@@ -12,8 +12,8 @@ from pathlib import Path
 
 from mbinterval.atomic import prepare_output
 from mbinterval.bench_cases import Case, make_case
-from mbinterval.bench_report import aligned
 from mbinterval.errors import MbintervalError
+from mbinterval.results import aligned
 from mbinterval.study.judge import Truth, make_truth
 from mbinterval.study.recommend import options, recommend
 from mbinterval.study.report import write_report

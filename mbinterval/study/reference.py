@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import mbinterval
 from mbinterval.arrays import read_arrays
 from mbinterval.atomic import prepare_output, write_file
 from mbinterval.bench import settings_text
@@ -30,7 +29,9 @@ from mbinterval.checks import number, shown, whole_number
 from mbinterval.device.choose import choose_device
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import UsageError
+from mbinterval.renderer import render
 from mbinterval.settings import Settings
+from mbinterval.version import __version__
 
 _log = logging.getLogger(__name__)
 
@@ -170,7 +171,7 @@ def _made(
     for pairs in range(1, most // 2 + 1):
         for half in (0, 1):
             seed = (settings.seed + 2 * (pairs - 1) + half) % 2**32
-            film = mbinterval.render(
+            film = render(
                 case.scene,
                 frame=case.frame,
                 width=case.width,
@@ -209,7 +210,7 @@ def fingerprint(case: Case, settings: Settings, device: Any = None) -> str:
     kernels = {str(p.relative_to(root)): p.read_bytes() for p in sorted(root.rglob("*.*"))}
     where = (chosen.name, chosen.platform.version, chosen.driver_version)
     parts = (case.scene, case.frame, case.width, case.height, settings, kernels, where)
-    digest = hashlib.sha256(mbinterval.__version__.encode())
+    digest = hashlib.sha256(__version__.encode())
     for piece in _bytes_of(parts):
         digest.update(piece)
     return digest.hexdigest()[:24]

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from mbinterval.atomic import prepare_output, write_file
 from mbinterval.bench import Brevity, measure
 from mbinterval.bench_cases import Case
-from mbinterval.bench_report import write_result
 from mbinterval.checks import number, whole_number
 from mbinterval.device.choose import choose_device
 from mbinterval.device.meter import MeteredRuntime
 from mbinterval.errors import OutputError
 from mbinterval.film import Film
 from mbinterval.ownership import SOFTWARE, check_replaceable
+from mbinterval.results import write_result
 from mbinterval.settings import Settings
 from mbinterval.study.costs import CURVES, curve, effects
 from mbinterval.study.judge import ERRORS, Truth, colour_of, errors, exact_places
