@@ -66,26 +66,25 @@ _HOMES = {
     **dict.fromkeys(("Shutter", "Texture"), "scene.model"),
     **dict.fromkeys(("Environment", "Reflections"), "scene.environment"),
     **dict.fromkeys(("Track", "Transform"), "scene.tracks"),
-    "Comparison": "comparison",
-    "DeepImage": "deep",
-    "Events": "events",
-    "Film": "film",
-    "Settings": "settings",
-    "compare": "comparison",
+    "Comparison": "comparison.comparison",
+    "DeepImage": "film.deep",
+    "Events": "film.events",
+    "Film": "film.film",
+    "Settings": "settings.settings",
+    "compare": "comparison.comparison",
     "devices": "device.choose",
-    "farm": "dask_farm",
-    "load": "scene.load",
-    "load_file": "scene.load",
-    "read_image": "images",
-    "render": "renderer",
+    "farm": "batch.dask_farm",
+    "load": "scene.formats.load",
+    "load_file": "scene.formats.load",
+    "read_image": "files.images",
+    "render": "rendering.renderer",
 }
 """The module, below this package, of each public name."""
 
 if TYPE_CHECKING:
     from mbinterval import errors
-    from mbinterval.comparison import Comparison, compare
-    from mbinterval.dask_farm import farm
-    from mbinterval.deep import DeepImage
+    from mbinterval.batch.dask_farm import farm
+    from mbinterval.comparison.comparison import Comparison, compare
     from mbinterval.device.choose import devices
     from mbinterval.errors import (
         CapacityError,
@@ -96,15 +95,16 @@ if TYPE_CHECKING:
         SceneError,
         UsageError,
     )
-    from mbinterval.events import Events
-    from mbinterval.film import Film
-    from mbinterval.images import read_image
-    from mbinterval.renderer import render
+    from mbinterval.files.images import read_image
+    from mbinterval.film.deep import DeepImage
+    from mbinterval.film.events import Events
+    from mbinterval.film.film import Film
+    from mbinterval.rendering.renderer import render
     from mbinterval.scene.environment import Environment, Reflections
-    from mbinterval.scene.load import load, load_file
+    from mbinterval.scene.formats.load import load, load_file
     from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
     from mbinterval.scene.tracks import Track, Transform
-    from mbinterval.settings import Settings
+    from mbinterval.settings.settings import Settings
 
 
 def __getattr__(name: str) -> Any:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mbinterval.film import Film
+from mbinterval.film.film import Film
 
 METADATA = {
     "frame": 12.0,

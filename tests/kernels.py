@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from mbinterval.analytic import render_analytic
 from mbinterval.device import records
 from mbinterval.device.kernel_effects import effect_options
 from mbinterval.device.runtime import DeviceArray, Runtime, runtime, seconds
 from mbinterval.errors import KernelBuildError
-from mbinterval.plan import Crop, Plan
-from mbinterval.prepare import Prepared, prepare
+from mbinterval.plan.plan import Crop, Plan
+from mbinterval.plan.prepare import Prepared, prepare
+from mbinterval.rendering.analytic import render_analytic
+from mbinterval.rendering.shared_steps import list_grid
 from mbinterval.scene.model import Scene
-from mbinterval.settings import Settings
-from mbinterval.work import list_grid
+from mbinterval.settings.settings import Settings
 
 WRAPPERS = Path(__file__).resolve().parent / "wrappers"
 

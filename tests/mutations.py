@@ -24,7 +24,7 @@ import numpy as np
 from gltf_files import Gltf
 from PIL import Image
 
-from mbinterval.exr import ExrImage, write_exr
+from mbinterval.files.exr import ExrImage, write_exr
 
 SCENES = Path(__file__).parents[1] / "scenes"
 

@@ -18,7 +18,7 @@ from unittest.mock import patch
 import numpy as np
 
 import mbinterval as mb
-from mbinterval.aovs import RECORDED
+from mbinterval.film.aovs import RECORDED
 from mbinterval.scene.model import (
     Camera,
     Environment,
@@ -33,7 +33,7 @@ from mbinterval.scene.model import (
 from mbinterval.scene.tracks import Track
 
 if TYPE_CHECKING:
-    from mbinterval.prepare import Prepared
+    from mbinterval.plan.prepare import Prepared
 
 SIZE = (9, 7)
 LENS = {"focal_length": 50.0, "vertical_aperture": 50.0, "f_stop": 0.5, "focus_distance": 2.0}
@@ -304,10 +304,10 @@ SCENES = {
 
 def with_cube_maps(ready: Prepared) -> Prepared:
     """Cube maps of few directions, around objects of pictures of noise."""
-    from mbinterval import cube_maps
     from mbinterval.device.runtime import runtime
-    from mbinterval.reflections import add_cube_maps
-    from mbinterval.scene.exposure import reflecting
+    from mbinterval.exposure.exposure import reflecting
+    from mbinterval.rendering import cube_maps
+    from mbinterval.rendering.reflections import add_cube_maps
 
     pictures = [
         np.random.default_rng(5).uniform(0, 1, (2, 6, 17, 17, 3))
@@ -322,7 +322,7 @@ def with_cube_maps(ready: Prepared) -> Prepared:
 
 def ready_for(small: Small) -> Prepared:
     """Frame 1 of a scene, ready to be rendered."""
-    from mbinterval.prepare import prepare
+    from mbinterval.plan.prepare import prepare
 
     lights = (Light("ambient", intensity=0.3), Light("point", intensity=2.0),
               Light("directional", direction=(0.0, -1.0, -1.0)))  # fmt: skip
@@ -338,9 +338,9 @@ def ready_for(small: Small) -> Prepared:
 
 def render(name: str) -> np.ndarray:
     """The film's pixels ``(9, 13, 4)`` of one of ``SCENES``."""
-    from mbinterval.analytic import render_analytic
     from mbinterval.device.runtime import runtime
-    from mbinterval.stochastic import render_stochastic
+    from mbinterval.rendering.analytic import render_analytic
+    from mbinterval.rendering.stochastic import render_stochastic
 
     small = SCENES[name]
     run = render_stochastic if "method" in small.settings else render_analytic

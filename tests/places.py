@@ -7,9 +7,9 @@ from kernels import numbers, run
 
 import mbinterval as mb
 from mbinterval.device.kernel_effects import effect_options
-from mbinterval.plan import sampling_numbers
-from mbinterval.sampling import filter_of, slots_of
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.plan.plan import sampling_numbers
+from mbinterval.plan.sampling import filter_of, slots_of
 from mbinterval.scene.model import Camera
 
 TILE = 16

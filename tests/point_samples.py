@@ -9,10 +9,10 @@ from kernels import numbers, run
 from reference.paths import needs_attributes
 from reference.point_samples import Drawn, nearest_paths
 
-from mbinterval.plan import sampling_numbers, shutter_keys
-from mbinterval.sampling import filter_of, slots_of
-from mbinterval.scene.exposure import Exposure
-from mbinterval.stochastic_plan import sample_count
+from mbinterval.exposure.exposure import Exposure
+from mbinterval.plan.plan import sampling_numbers, shutter_keys
+from mbinterval.plan.sampling import filter_of, slots_of
+from mbinterval.plan.stochastic_plan import sample_count
 
 TILE = 16
 

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from reference.render import Image, render
 
-from mbinterval.scene.benchmark import read_benchmark
-from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.exposure.exposure import Exposure, expose
+from mbinterval.scene.formats.meshes.benchmark import read_benchmark
 
 FOLDER = Path(__file__).parents[2] / "shared" / "benchmark"
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mbinterval as mb
-from mbinterval.bench_cases import make_case
+from mbinterval.bench.cases import make_case
 from mbinterval.study.judge import Truth
 from mbinterval.study.reference import Reference
 from mbinterval.study.run import study

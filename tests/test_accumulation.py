@@ -19,7 +19,7 @@ from test_stochastic_culling import EXACT, random_scene
 from test_stochastic_twin import with_lens
 
 import mbinterval as mb
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Scene
 
 

@@ -11,8 +11,8 @@ from closed_forms import FACES, UNIT_CAMERA, rectangle, slab, slab_times, world
 from nightly import nightly
 
 import mbinterval as mb
-from mbinterval.aovs import AOVS, MOMENTARY, check_aovs
 from mbinterval.errors import UsageError
+from mbinterval.film.aovs import AOVS, MOMENTARY, check_aovs
 from mbinterval.scene.model import Camera, Material, Mesh, Scene, Shutter
 from mbinterval.scene.tracks import Track, Transform
 

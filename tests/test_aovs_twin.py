@@ -16,11 +16,11 @@ from reference.moment import Moment, flow, moment
 from test_determinism import contents
 
 import mbinterval as mb
-from mbinterval.aovs import AOVS, FLOWS
 from mbinterval.errors import UsageError
-from mbinterval.exr import ExrImage, write_exr
-from mbinterval.film import Film
-from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.exposure.exposure import Exposure, expose
+from mbinterval.files.exr import ExrImage, write_exr
+from mbinterval.film.aovs import AOVS, FLOWS
+from mbinterval.film.film import Film
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 from mbinterval.scene.tracks import Track, Transform
 

@@ -15,12 +15,13 @@ from nightly import nightly
 from PIL import Image
 
 import mbinterval
-from mbinterval import cli, option_values
-from mbinterval.atomic import remove_leftovers, replacing
-from mbinterval.deep import DeepImage
-from mbinterval.events import Events
-from mbinterval.exr import read_exr
-from mbinterval.film import Film
+from mbinterval import cli
+from mbinterval.cli import option_values
+from mbinterval.files.atomic import remove_leftovers, replacing
+from mbinterval.files.exr import read_exr
+from mbinterval.film.deep import DeepImage
+from mbinterval.film.events import Events
+from mbinterval.film.film import Film
 
 SCENE = """
 background = "sky.png"
@@ -49,7 +50,7 @@ class Batch:
             self.frames.append(arguments["frame"])
             return real(scene, **arguments)
 
-        monkeypatch.setattr("mbinterval.batch.render", render)
+        monkeypatch.setattr("mbinterval.batch.batch.render", render)
 
     def __call__(self, *arguments, scene="s.toml"):
         """Exit code, frames that were rendered, and what was said."""
@@ -264,7 +265,7 @@ def test_what_is_asked_for_differently_is_rendered_again(batch, option):
 def test_what_changes_speed_alone_is_not(batch, monkeypatch):
     batch(*BOTH)
     assert batch("--tile-size", "8", "--memory", "8G", "--device", "0", *BOTH)[1] == []
-    monkeypatch.setattr("mbinterval.provenance.program_digest", lambda: "another program")
+    monkeypatch.setattr("mbinterval.batch.identity.program_digest", lambda: "another program")
     assert batch(*BOTH)[1] == [1]
 
 

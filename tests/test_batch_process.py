@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from mbinterval.device.choose import choose_device
-from mbinterval.film import Film
+from mbinterval.film.film import Film
 
 ROOT = Path(__file__).parent.parent
 SCENE = """
@@ -165,13 +165,13 @@ def test_stopped_at_any_moment_it_leaves_whole_frames(tmp_path, undisturbed, num
 
 
 FULL = """
-import resource, signal, mbinterval.batch
+import resource, signal, mbinterval.batch.batch
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 def render(*_, real=mbinterval.render, **arguments):
     if arguments["frame"] == 3:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
     return real(*_, **arguments)
-mbinterval.batch.render = render
+mbinterval.batch.batch.render = render
 """
 
 
@@ -257,7 +257,7 @@ def test_films_of_a_batch_are_read_back_whole(tmp_path, undisturbed):
 
 
 NO_MEMORY = """
-import resource, mbinterval.batch
+import resource, mbinterval.batch.batch
 from pathlib import Path
 def render(*_, real=mbinterval.render, **arguments):
     if arguments["frame"] == 3:
@@ -266,7 +266,7 @@ def render(*_, real=mbinterval.render, **arguments):
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
         arguments |= {"width": 1600, "height": 1200}
     return real(*_, **arguments)
-mbinterval.batch.render = render
+mbinterval.batch.batch.render = render
 """
 
 

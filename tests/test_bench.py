@@ -12,12 +12,10 @@ import pytest
 from closed_forms import rectangle, scene, slab
 
 import mbinterval as mb
-from mbinterval import bench, cli
-from mbinterval.bench_cases import Case, is_closed, make_case
-from mbinterval.bench_report import changes, comparison, read_result, table
-from mbinterval.device import records
-from mbinterval.device.choose import choose_device
-from mbinterval.device.meter import (
+from mbinterval import cli
+from mbinterval.bench import bench
+from mbinterval.bench.cases import Case, is_closed, make_case
+from mbinterval.bench.meter import (
     MEMBERS,
     MeteredRuntime,
     clear_peak_memory,
@@ -25,9 +23,12 @@ from mbinterval.device.meter import (
     moved_bytes,
     peak_memory,
 )
+from mbinterval.bench.report import changes, comparison, read_result, table
+from mbinterval.device import records
+from mbinterval.device.choose import choose_device
 from mbinterval.device.runtime import runtime
 from mbinterval.errors import SceneError, UsageError
-from mbinterval.results import write_result
+from mbinterval.files.results import write_result
 from mbinterval.scene.generators import blades, dense_sphere, fast_cubes
 from mbinterval.scene.primitives import box, plane
 

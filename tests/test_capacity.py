@@ -16,8 +16,8 @@ import mbinterval as mb
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime, runtime
 from mbinterval.errors import CapacityError
-from mbinterval.scene import exposure as scene_exposure
-from mbinterval.scene import mesh_exposure
+from mbinterval.exposure import exposure as scene_exposure
+from mbinterval.exposure import mesh_exposure
 from mbinterval.scene.model import Mesh, Scene
 
 WAYS = WAYS | {"triangulated, exact": {"paths": "triangulated", "occlusion": "exact"}}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbinterval.checks import choice, instance, number, shown, whole_number
 from mbinterval.errors import SceneError, UsageError
+from mbinterval.values import choice, instance, number, shown, whole_number
 
 
 @pytest.mark.parametrize("value", [16, np.int64(16), np.uint8(16), np.array(16)])

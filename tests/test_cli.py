@@ -12,11 +12,11 @@ import pytest
 
 import mbinterval
 from mbinterval import cli, errors
-from mbinterval.events import COLUMNS, Events
-from mbinterval.film import Film
-from mbinterval.scene.load import RenderDefaults
+from mbinterval.film.events import COLUMNS, Events
+from mbinterval.film.film import Film
+from mbinterval.scene.formats.load import RenderDefaults
 from mbinterval.scene.model import Scene
-from mbinterval.settings import Settings
+from mbinterval.settings.settings import Settings
 
 
 def no_events(height, width):
@@ -60,10 +60,10 @@ class FakeApi:
 @pytest.fixture
 def api(monkeypatch, tmp_path):
     fake = FakeApi()
-    loader = types.ModuleType("mbinterval.scene.load")
+    loader = types.ModuleType("mbinterval.scene.formats.load")
     loader.load_file = fake.load_file
-    monkeypatch.setitem(sys.modules, "mbinterval.scene.load", loader)
-    monkeypatch.setattr("mbinterval.batch.render", fake.render)
+    monkeypatch.setitem(sys.modules, "mbinterval.scene.formats.load", loader)
+    monkeypatch.setattr("mbinterval.batch.batch.render", fake.render)
     monkeypatch.chdir(tmp_path)
     return fake
 
@@ -262,7 +262,7 @@ def job(monkeypatch, tmp_path, capsys):
     Gives exit code, settings that were asked for, and what was said.
     """
     fake = FakeApi()
-    monkeypatch.setattr("mbinterval.batch.render", fake.render)
+    monkeypatch.setattr("mbinterval.batch.batch.render", fake.render)
     monkeypatch.chdir(tmp_path)
 
     def run(text, *arguments):

@@ -13,21 +13,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mbinterval.film import Film
+from mbinterval.film.film import Film
 
 ROOT = Path(__file__).parent.parent
 
 SLOW = """
 import sys, time, types
-import numpy as np, mbinterval.batch
+import numpy as np, mbinterval.batch.batch
 from mbinterval import cli
-from mbinterval.film import Film
-from mbinterval.scene.load import SceneFile
+from mbinterval.film.film import Film
+from mbinterval.scene.formats.load import SceneFile
 from mbinterval.scene.model import Scene
 
-loader = types.ModuleType("mbinterval.scene.load")
+loader = types.ModuleType("mbinterval.scene.formats.load")
 loader.load_file = lambda path, **_: SceneFile(Scene(meshes=()))
-sys.modules["mbinterval.scene.load"] = loader
+sys.modules["mbinterval.scene.formats.load"] = loader
 
 def render(scene, *, frame, width, height, progress, **_):
     if frame == 2:
@@ -41,7 +41,7 @@ def render(scene, *, frame, width, height, progress, **_):
     made = {"software": "mbinterval test"}
     return Film(np.ones((height, width, 4)), pixels, pixels, {}, (width, height), metadata=made)
 
-mbinterval.batch.render = render
+mbinterval.batch.batch.render = render
 sys.exit(cli.main(["render", "s.toml", "--frames", "1-3", "--width", "8", *sys.argv[1:]]))
 """
 

@@ -12,8 +12,8 @@ from nightly import nightly
 from PIL import Image
 
 import mbinterval as mb
-from mbinterval import metrics
-from mbinterval.comparison import MAP_RANGE, METRICS, false_colour
+from mbinterval.comparison import metrics
+from mbinterval.comparison.comparison import MAP_RANGE, METRICS, false_colour
 
 SCENES = Path(__file__).parents[1] / "scenes"
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mbinterval as mb
-from mbinterval.bench_cases import make_case
+from mbinterval.bench.cases import make_case
 from mbinterval.study import reference
 from mbinterval.study.reference import Reference, converged, fingerprint
 

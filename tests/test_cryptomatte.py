@@ -13,9 +13,9 @@ from closed_forms import UNIT_CAMERA, overlap, rectangle, slab, slab_times
 from test_transparency import glass
 
 import mbinterval as mb
-from mbinterval import cryptomatte
-from mbinterval.cryptomatte import Ranks, id_of, murmur3
 from mbinterval.device import records
+from mbinterval.film import cryptomatte
+from mbinterval.film.cryptomatte import Ranks, id_of, murmur3
 from mbinterval.scene.model import Material, Mesh, Scene
 
 SIZE = (32, 16)

@@ -10,9 +10,9 @@ from oclgrind_scenes import seen_through
 from test_cryptomatte import pane
 
 import mbinterval as mb
-from mbinterval.deep import Slices
 from mbinterval.device import records
 from mbinterval.errors import OutputError, UsageError
+from mbinterval.film.deep import Slices
 from mbinterval.scene.model import Mesh, Scene
 
 SIZE = (32, 16)

@@ -14,12 +14,12 @@ from nightly import nightly
 from test_plan import SIZE, UV, WAYS, mesh
 
 import mbinterval as mb
-from mbinterval.appearance import mip_chain
-from mbinterval.describe import describe
 from mbinterval.device import choose
 from mbinterval.device.runtime import Runtime, runtime
 from mbinterval.errors import DeviceError
-from mbinterval.memory import buffer_bytes, texel_count
+from mbinterval.layout.appearance import mip_chain
+from mbinterval.plan.memory import buffer_bytes, texel_count
+from mbinterval.rendering.describe import describe
 from mbinterval.scene.model import Light, Material, Scene, Shutter, Texture
 
 PICTURE = Texture(np.random.default_rng(0).uniform(0, 1, (5, 12, 3)), name="poster.png")

@@ -23,10 +23,10 @@ from pxr import Sdf, Usd
 from test_batch_process import finish, start
 
 import mbinterval as mb
-from mbinterval.bench_cases import Case
-from mbinterval.exr import ExrImage, write_exr
-from mbinterval.scene import usd_layers
-from mbinterval.scene.load import load_file
+from mbinterval.bench.cases import Case
+from mbinterval.files.exr import ExrImage, write_exr
+from mbinterval.scene.formats.load import load_file
+from mbinterval.scene.formats.usd import layers
 from mbinterval.study.reference import fingerprint
 
 LOOK = """[camera]
@@ -356,12 +356,12 @@ def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path, kind, monk
     KINDS[kind](tmp_path, 0)
     edits = []
 
-    def record(layers, real=usd_layers.Layers.record):
+    def record(layers, real=layers.Layers.record):
         if not edits:
             edits.append(rewrite(KINDS[kind], tmp_path, 1))
         return real(layers)
 
-    monkeypatch.setattr(usd_layers.Layers, "record", record)
+    monkeypatch.setattr(layers.Layers, "record", record)
     loaded = load_file(tmp_path / "s.toml")
     assert edits
     assert loaded.files == {
@@ -373,18 +373,18 @@ def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path, kind, monk
 def test_a_file_that_never_rests_is_told_of(tmp_path, monkeypatch):
     main, count = usda(tmp_path, 0), iter(range(99))
 
-    def record(layers, real=usd_layers.Layers.record):
+    def record(layers, real=layers.Layers.record):
         usda(tmp_path, next(count) % 2)
         return real(layers)
 
-    monkeypatch.setattr(usd_layers.Layers, "record", record)
+    monkeypatch.setattr(layers.Layers, "record", record)
     with pytest.raises(mb.SceneError, match=r"m\.usda: changes while it is read"):
         mb.load(main)
 
 
 def test_a_file_that_differs_between_two_readings_of_one_scene_is_told_of(tmp_path, monkeypatch):
     """Two objects of one file, which is edited after the first of them."""
-    from mbinterval.scene import build
+    from mbinterval.scene.formats.toml import build
 
     texture(tmp_path, 0)
     main = tmp_path / "s.toml"
@@ -449,7 +449,7 @@ def test_links_of_processes_that_were_killed_are_cleared_up(tmp_path, monkeypatc
 
 
 EDITED = """
-import mbinterval.scene.load as load
+import mbinterval.scene.formats.load as load
 def load_file(*given, real=load.load_file, **more):
     loaded = real(*given, **more)
     {edit}

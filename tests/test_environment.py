@@ -21,10 +21,10 @@ from environments import (
 from nightly import nightly, nightly_but
 
 import mbinterval as mb
-from mbinterval import cube_maps
+from mbinterval.comparison.verdict import Repeats, judge
 from mbinterval.device.runtime import runtime
+from mbinterval.rendering import cube_maps
 from mbinterval.scene.primitives import PRIMITIVES
-from mbinterval.verdict import Repeats, judge
 
 SIZE = (24, 16)
 FOV = 40.0

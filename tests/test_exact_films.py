@@ -13,9 +13,9 @@ from reference.stacks import render_stacks
 from test_twin_agreement import CASES, CROPS, LIGHTS, MOVING_CAMERA, everything, late
 
 import mbinterval as mb
-from mbinterval.sampling import fixed_pattern
-from mbinterval.scene.benchmark import read_benchmark
-from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.exposure.exposure import Exposure, expose
+from mbinterval.plan.sampling import fixed_pattern
+from mbinterval.scene.formats.meshes.benchmark import read_benchmark
 from mbinterval.scene.model import Scene
 
 SIZE = (48, 32)

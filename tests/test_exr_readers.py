@@ -7,7 +7,7 @@ import OpenImageIO as oiio
 from closed_forms import UNIT_CAMERA, rectangle, slab
 
 import mbinterval as mb
-from mbinterval.aovs import AOVS, channels_of
+from mbinterval.film.aovs import AOVS, channels_of
 from mbinterval.scene.model import Scene
 
 

@@ -19,10 +19,10 @@ import pytest
 from nightly import nightly
 from test_batch_process import OPTIONS, ROOT, SCENE, finish, images, start
 
+from mbinterval.batch.job_template import frame_ranges, job_template, render_options
 from mbinterval.errors import UsageError
-from mbinterval.frame_ranges import parse_frames
-from mbinterval.job_template import frame_ranges, job_template, render_options
-from mbinterval.parts import join, split
+from mbinterval.film.bands import join, split
+from mbinterval.film.frame_ranges import parse_frames
 
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
 
@@ -35,7 +35,7 @@ PNG = bytes.fromhex(
 COUNTED = """
 import os
 from mbinterval.device import runtime
-from mbinterval.scene import load
+from mbinterval.scene.formats import load
 def noted(name, real):
     def call(*arguments, **options):
         with open({file!r}, "a") as file:
@@ -196,7 +196,7 @@ def test_files_that_differ_on_a_worker_are_told_of(tmp_path, cluster, change, sa
     )
     (tmp_path / "none.mtl").write_text("newmtl m\nmap_Kd none.png\n")
     before = f"""
-import mbinterval.dask_farm as farm, pathlib
+import mbinterval.batch.dask_farm as farm, pathlib
 PNG = {PNG!r}
 with open("s.toml", "a") as file:
     file.write("[[objects]]\\nfile='none.obj'")
@@ -252,7 +252,7 @@ def test_a_worker_renders_what_a_usd_file_is_now(tmp_path):
 
 
 CHANGING = """
-from mbinterval.scene import load
+from mbinterval.scene.formats import load
 def load_file(path, *given, real=load.load_file, **more):
     with open(path, "a") as file:
         file.write("# a word\\n")
@@ -409,9 +409,9 @@ def test_options_of_a_template_are_those_given_but_for_scene_frames_and_outputs(
 
 
 def test_more_tasks_than_a_template_may_have_are_refused_with_the_remedy():
-    from mbinterval.batch import Job
+    from mbinterval.batch.batch import Job
     from mbinterval.scene.model import Scene
-    from mbinterval.settings import Settings
+    from mbinterval.settings.settings import Settings
 
     job = Job(Scene(meshes=()), "s.toml", tuple(range(4000)), (8, 8), Settings(), ("a.#.exr",))
     with pytest.raises(UsageError, match="2000 tasks are too many; --per-task 4 or more"):

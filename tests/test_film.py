@@ -13,11 +13,11 @@ import pytest
 from films import METADATA, make_film
 from PIL import Image
 
-from mbinterval.atomic import replacing
 from mbinterval.errors import OutputError, SceneError, UsageError
-from mbinterval.exr import PIXEL_DIGEST, ExrImage, read_exr, write_exr
-from mbinterval.film import Film
-from mbinterval.images import linear_pixels, linear_to_srgb, read_image, srgb_to_linear
+from mbinterval.files.atomic import replacing
+from mbinterval.files.exr import PIXEL_DIGEST, ExrImage, read_exr, write_exr
+from mbinterval.files.images import linear_pixels, linear_to_srgb, read_image, srgb_to_linear
+from mbinterval.film.film import Film
 
 
 def assert_same_pixels(film, other):

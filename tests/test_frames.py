@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from mbinterval import errors
-from mbinterval.frame_ranges import parse_frames
-from mbinterval.frames import frame_path, has_camera, is_numbered, literal, parse_outputs
+from mbinterval.film.file_names import frame_path, has_camera, is_numbered, literal, parse_outputs
+from mbinterval.film.frame_ranges import parse_frames
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,12 @@ from nightly import nightly
 from vtk_gltf import vtk_positions
 
 from mbinterval.errors import SceneError, UsageError
-from mbinterval.scene.exposure import expose
-from mbinterval.scene.gltf import read_gltf
-from mbinterval.scene.load import load
-from mbinterval.scene.mesh_exposure import world_positions
+from mbinterval.exposure.exposure import expose
+from mbinterval.exposure.mesh_exposure import world_positions
+from mbinterval.exposure.shutter_times import Window
+from mbinterval.scene.formats.gltf.gltf import read_gltf
+from mbinterval.scene.formats.load import load
 from mbinterval.scene.model import Scene, Shutter
-from mbinterval.scene.shutter_times import Window
 from mbinterval.scene.tracks import Transform
 
 FOX = Path(__file__).parents[1] / "scenes" / "assets" / "Fox.glb"

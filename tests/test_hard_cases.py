@@ -23,7 +23,7 @@ from reference import rational
 from reference.render import render as twin
 
 import mbinterval as mb
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene
 
 SIZE = (48, 32)

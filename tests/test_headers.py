@@ -26,8 +26,8 @@ import pytest
 from PIL import Image
 
 import mbinterval as mb
-from mbinterval.bench_cases import Case
-from mbinterval.bench_report import read_result
+from mbinterval.bench.cases import Case
+from mbinterval.bench.report import read_result
 from mbinterval.study import reference
 from mbinterval.study.report import read_study
 
@@ -35,8 +35,10 @@ READ = """
 import json, resource, sys, warnings
 import OpenEXR, PIL.Image, pyarrow.parquet, trimesh
 import mbinterval as mb
-from mbinterval.bench_cases import make_case
-from mbinterval.scene import gltf, meshes, usd
+from mbinterval.bench.cases import make_case
+from mbinterval.scene.formats.gltf import gltf
+from mbinterval.scene.formats.meshes import mesh_files
+from mbinterval.scene.formats.usd import usd
 resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))
 warnings.simplefilter("error")
 readers = {

@@ -15,10 +15,10 @@ from nightly import nightly
 from test_capacity import stack
 
 import mbinterval as mb
+from mbinterval.bench.meter import MeteredRuntime
 from mbinterval.device.choose import choose_device
-from mbinterval.device.meter import MeteredRuntime
 from mbinterval.errors import CapacityError, UsageError
-from mbinterval.memory import resident_memory
+from mbinterval.plan.memory import resident_memory
 from mbinterval.scene.generators import dense_sphere
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -28,7 +28,7 @@ LIMIT = 1500 * MEGABYTE
 RENDER = """
 import sys
 import mbinterval as mb
-from mbinterval.device.meter import peak_memory
+from mbinterval.bench.meter import peak_memory
 from mbinterval.scene.generators import ho17_cubes
 from test_capacity import stack
 width, height, samples, planes = map(int, sys.argv[1:])
@@ -91,7 +91,7 @@ def test_ten_thousand_intervals_on_one_pixel(paths):
 LIMITED = """
 import hashlib, sys
 import mbinterval as mb
-from mbinterval.device.meter import peak_memory
+from mbinterval.bench.meter import peak_memory
 from mbinterval.scene.generators import dense_sphere, ho17_cubes
 count, segments, width, height = map(int, sys.argv[1:5])
 memory = int(sys.argv[5]) or None
@@ -177,7 +177,7 @@ def test_pools_are_as_many_and_as_large_as_memory_allows(paths, monkeypatch):
     pools = {name for name in meter.allocated if name.startswith("pool of")}
     wide = sum(meter.allocated[name] for name in pools)
     assert wide > 400 * MEGABYTE
-    monkeypatch.setattr("mbinterval.memory.resident_memory", lambda: 0)
+    monkeypatch.setattr("mbinterval.plan.memory.resident_memory", lambda: 0)
     for memory in (200, 40):
         meter.clear()
         film = mb.render(scene, **options, memory=memory * MEGABYTE)

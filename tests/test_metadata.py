@@ -8,11 +8,11 @@ import pytest
 from films import make_film
 
 import mbinterval
-from mbinterval.metadata import frame_metadata
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.rendering.metadata import frame_metadata
 from mbinterval.scene.model import Camera, Scene, Shutter
 from mbinterval.scene.tracks import Track
-from mbinterval.settings import Settings
+from mbinterval.settings.settings import Settings
 
 MOVING = Camera(
     position=Track(frames=[0, 2], values=[[3, 1, 5], [4, 1, 5]]),

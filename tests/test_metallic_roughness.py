@@ -15,12 +15,12 @@ from test_exact_films import exposed, late, rms
 from test_twin_agreement import LIGHTS, MOVING_CAMERA, SIZE, triangles
 
 import mbinterval as mb
-from mbinterval.appearance import appearance
 from mbinterval.errors import SceneError
-from mbinterval.motion import lay_out
-from mbinterval.prepare import make_plan
-from mbinterval.sampling import fixed_pattern
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.layout.appearance import appearance
+from mbinterval.layout.motion import lay_out
+from mbinterval.plan.prepare import make_plan
+from mbinterval.plan.sampling import fixed_pattern
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Texture
 
 METAL = Material("metal", shading="metallic_roughness", base_color=(0.9, 0.6, 0.3), metallic=1.0)

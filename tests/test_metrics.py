@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from skimage import metrics as other
 
-from mbinterval import metrics
+from mbinterval.comparison import metrics
 from mbinterval.errors import UsageError
-from mbinterval.images import linear_to_srgb
+from mbinterval.files.images import linear_to_srgb
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from mirror_rays import BACKGROUND, CAMERA, Surface, scene, traced
 from nightly import nightly, nightly_but
 
 import mbinterval as mb
-from mbinterval.scene.exposure import expose
-from mbinterval.scene.mirrors import find_mirrors
+from mbinterval.exposure.exposure import expose
+from mbinterval.exposure.mirrors import find_mirrors
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Texture
 from mbinterval.scene.tracks import Track, Transform
 
@@ -252,7 +252,7 @@ def test_layers_show_the_mirror_itself(layered):
 
 
 def _share_of(layer: np.ndarray, name: str) -> np.ndarray:
-    from mbinterval.cryptomatte import id_of
+    from mbinterval.film.cryptomatte import id_of
 
     ids, shares = layer[..., 0::2], layer[..., 1::2]
     mine = np.ascontiguousarray(ids).view(np.uint32) == np.uint32(id_of(name))

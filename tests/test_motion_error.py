@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbinterval.describe import describe
 from mbinterval.errors import UsageError
-from mbinterval.renderer import render
-from mbinterval.scene.build import euler_track
-from mbinterval.scene.exposure import expose
-from mbinterval.scene.load import load
-from mbinterval.scene.mesh_exposure import mesh_times, world_positions
+from mbinterval.exposure.exposure import expose
+from mbinterval.exposure.mesh_exposure import mesh_times, world_positions
+from mbinterval.exposure.segments import MOST_SEGMENTS
+from mbinterval.exposure.shutter_times import Window
+from mbinterval.rendering.describe import describe
+from mbinterval.rendering.renderer import render
+from mbinterval.scene.formats.load import load
+from mbinterval.scene.formats.toml.build import euler_track
 from mbinterval.scene.model import Camera, Mesh, Scene, Shutter
-from mbinterval.scene.segments import MOST_SEGMENTS
-from mbinterval.scene.shutter_times import Window
 from mbinterval.scene.tracks import Track, Transform
-from mbinterval.settings import Settings
+from mbinterval.settings.settings import Settings
 
 WIDTH, HEIGHT = 640, 480
 CAMERA = Camera(position=(0, 0, 10), look_at=(0, 0, 0), fov=40)
@@ -58,7 +58,7 @@ def dense_error(exposure, mesh, places, frame=0.0, steps=997):
 
     ``places(frame)`` is the true motion ``(n, 3)`` in the world.
     """
-    from mbinterval.scene.poses import camera_poses
+    from mbinterval.exposure.poses import camera_poses
 
     count, worst = max(mesh.segments, 1), 0.0
     world = np.broadcast_to(mesh.positions, (count + 1, *mesh.positions.shape[1:]))

@@ -20,7 +20,7 @@ import mutations
 import pytest
 from mutation_runner import LIMIT
 
-from mbinterval.film import Film
+from mbinterval.film.film import Film
 
 ROOT = Path(__file__).parent.parent
 COUNT = int(os.environ.get("MB_MUTATIONS", "60"))

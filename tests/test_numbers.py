@@ -18,8 +18,8 @@ from gltf_files import Gltf
 from nightly import nightly
 
 import mbinterval as mb
-from mbinterval.exr import ExrImage, write_exr
-from mbinterval.finite import first_wrong
+from mbinterval.files.exr import ExrImage, write_exr
+from mbinterval.rendering.finite import first_wrong
 from mbinterval.scene.primitives import sphere
 
 HOLDS = "up to 3.4e+38, the largest that float32 holds"

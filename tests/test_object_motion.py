@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mbinterval.cli import _parser
-from mbinterval.commands import make_job
+from mbinterval.cli.commands import make_job
+from mbinterval.cli.program import _parser
 from mbinterval.errors import SceneError
-from mbinterval.scene.exposure import expose
-from mbinterval.scene.load import load
+from mbinterval.exposure.exposure import expose
+from mbinterval.scene.formats.load import load
 from mbinterval.scene.model import Camera, Mesh, Scene, Shutter
 from mbinterval.scene.tracks import Track, Transform
 

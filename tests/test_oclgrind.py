@@ -116,7 +116,7 @@ def test_what_is_wrong_is_reported(kernel, words, python, tmp_path):
 
 
 def test_the_scenes_run_every_stage():
-    from mbinterval import stochastic, tiles
+    from mbinterval.rendering import stochastic, tiles
 
     seen = set()
     for name in EACH_TIME:

@@ -16,10 +16,10 @@ from PIL import Image
 
 import mbinterval as mb
 from mbinterval import cli
-from mbinterval.atomic import output_place, prepare_output, remove_leftovers, write_file
 from mbinterval.errors import OutputError
-from mbinterval.ownership import SOFTWARE, software_of
-from mbinterval.results import write_result
+from mbinterval.files.atomic import output_place, prepare_output, remove_leftovers, write_file
+from mbinterval.files.ownership import SOFTWARE, software_of
+from mbinterval.files.results import write_result
 
 SCENE = """
 [camera]
@@ -110,7 +110,7 @@ def test_a_file_that_comes_while_a_frame_is_rendered_stays(scene, said, kind, mo
         return plain(*arguments, **settings)
 
     outputs = ("-o", "b.png", "--stats", "a.json") if kind == "json" else ("-o", path.name)
-    monkeypatch.setattr("mbinterval.batch.render", render_meanwhile)
+    monkeypatch.setattr("mbinterval.batch.batch.render", render_meanwhile)
     assert render(*outputs) == 6
     assert path.read_bytes() == b"mine"
     assert f"{path.name}: is there, " in said()

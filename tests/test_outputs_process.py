@@ -63,9 +63,9 @@ import json, os, resource, sys
 from pathlib import Path
 import numpy as np
 import mbinterval as mb
-from mbinterval.ownership import SOFTWARE
-from mbinterval.results import write_result
-from mbinterval.stats_file import StatsFile
+from mbinterval.files.ownership import SOFTWARE
+from mbinterval.files.results import write_result
+from mbinterval.batch.stats_file import StatsFile
 from mbinterval.study import reference, run
 
 scene = mb.load("s.toml")

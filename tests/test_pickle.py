@@ -16,7 +16,7 @@ from nightly import nightly
 
 import mbinterval as mb
 from mbinterval.scene.deform import Morph, MorphedSkin
-from mbinterval.scene.load import load_file
+from mbinterval.scene.formats.load import load_file
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SIZE = {"width": 32, "height": 24}

@@ -11,10 +11,10 @@ from closed_forms import UNIT_CAMERA, rectangle, world
 from kernels import builds_without, built, ready_for, warns
 
 import mbinterval as mb
-from mbinterval.aovs import AOVS, RECORDED
-from mbinterval.buffers import film_bytes
 from mbinterval.errors import UsageError
-from mbinterval.plan import Plan, check_crop
+from mbinterval.film.aovs import AOVS, RECORDED
+from mbinterval.plan.buffers import film_bytes
+from mbinterval.plan.plan import Plan, check_crop
 from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
 from mbinterval.scene.tracks import Track
 

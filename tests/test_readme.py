@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import mbinterval
-from mbinterval import cli
-from mbinterval.aovs import AOVS
-from mbinterval.batch import plan_tasks
-from mbinterval.commands import make_job
+from mbinterval.batch.batch import plan_tasks
+from mbinterval.cli import program as cli
+from mbinterval.cli.commands import make_job
 from mbinterval.errors import MbintervalError, Terminated, exit_code
-from mbinterval.scene.load import load_file
+from mbinterval.film.aovs import AOVS
+from mbinterval.scene.formats.load import load_file
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ from nightly import nightly
 
 import mbinterval as mb
 from mbinterval import cli
-from mbinterval.bench_cases import make_case
+from mbinterval.bench.cases import make_case
 from mbinterval.study import recommend as module
 from mbinterval.study.recommend import CANDIDATES, Candidate, Model, options, recommend
 

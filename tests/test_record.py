@@ -12,12 +12,13 @@ from shadow_scenes import AMBIENT, CAMERA, LAMP, plate
 from test_plan import mesh, plan
 
 import mbinterval as mb
-from mbinterval import buffers, record, tiles
-from mbinterval.aovs import RECORDED
 from mbinterval.device import records
 from mbinterval.errors import CapacityError
+from mbinterval.film.aovs import RECORDED
+from mbinterval.plan import buffers
+from mbinterval.rendering import recorder, tiles
+from mbinterval.rendering.tiles import EVENTS_FULL
 from mbinterval.scene.model import Camera, Light, Scene, Shutter
-from mbinterval.tiles import EVENTS_FULL
 
 SIZE = (40, 24)
 LIGHTS = (Light("ambient", intensity=0.3), Light("directional", direction=(0, -1, -1)))
@@ -131,7 +132,7 @@ def test_two_films_and_tiles_of_any_size_give_the_same(size):
 def test_pools_and_crops_of_any_size_give_the_same(monkeypatch):
     want = film(seen_through(), **WHOLE)
     grown = []
-    real = record.Recorder.make_room
+    real = recorder.Recorder.make_room
     monkeypatch.setattr(buffers, "_MOST_EVENTS", 64)
     monkeypatch.setattr(buffers, "LEAST_EVENTS", 64)
 
@@ -139,7 +140,7 @@ def test_pools_and_crops_of_any_size_give_the_same(monkeypatch):
         grown.append(some_fitted)
         return real(self, some_fitted, alone)
 
-    monkeypatch.setattr(record.Recorder, "make_room", noting)
+    monkeypatch.setattr(recorder.Recorder, "make_room", noting)
     assert everything(film(seen_through(), **WHOLE)) == everything(want)
     assert False in grown  # it grew
     assert True in grown  # and tiles were done again in what it was
@@ -157,7 +158,7 @@ def test_pools_and_crops_of_any_size_give_the_same(monkeypatch):
 def test_a_pool_that_cannot_grow_is_used_again_and_a_tile_that_has_no_room_is_refused(monkeypatch):
     most = len(film(seen_through(), **WHOLE).events)  # of all tiles together; one has less
     want = film(seen_through(), **NO_TIMES)
-    monkeypatch.setattr(record, "memory_room", lambda work, besides=(): 0)
+    monkeypatch.setattr(recorder, "memory_room", lambda work, besides=(): 0)
     monkeypatch.setattr(buffers, "LEAST_EVENTS", most // 2)
     monkeypatch.setattr(buffers, "_MOST_EVENTS", most // 2)
     assert everything(film(seen_through(), **NO_TIMES)) == everything(want)
@@ -172,7 +173,7 @@ def test_a_pool_that_cannot_grow_is_used_again_and_a_tile_that_has_no_room_is_re
 def test_tiles_that_keep_each_other_from_a_pool_that_cannot_grow_are_rendered_alone(monkeypatch):
     most = len(film(seen_through(), **WHOLE).events)
     want = film(seen_through(), **NO_TIMES)
-    allocate, drain, at_once = tiles._allocate_pools, record.Recorder.drain, []
+    allocate, drain, at_once = tiles._allocate_pools, recorder.Recorder.drain, []
 
     def noting(work, capacity, workers):
         at_once.append(workers)
@@ -185,8 +186,8 @@ def test_tiles_that_keep_each_other_from_a_pool_that_cannot_grow_are_rendered_al
         return drain(self, of)
 
     monkeypatch.setattr(tiles, "_allocate_pools", noting)
-    monkeypatch.setattr(record.Recorder, "drain", starved)
-    monkeypatch.setattr(record, "memory_room", lambda work, besides=(): 0)
+    monkeypatch.setattr(recorder.Recorder, "drain", starved)
+    monkeypatch.setattr(recorder, "memory_room", lambda work, besides=(): 0)
     monkeypatch.setattr(buffers, "LEAST_EVENTS", most)
     monkeypatch.setattr(buffers, "_MOST_EVENTS", most)
     assert everything(film(seen_through(), **NO_TIMES)) == everything(want)
@@ -194,7 +195,7 @@ def test_tiles_that_keep_each_other_from_a_pool_that_cannot_grow_are_rendered_al
 
 
 def test_events_beyond_the_memory_that_is_allowed_are_refused_with_what_they_take():
-    from mbinterval.events import EventTable
+    from mbinterval.film.events import EventTable
 
     half, more = (np.zeros(1000, records.EVENT) for _ in range(2))
     for index, part in enumerate((half, more)):
@@ -246,9 +247,9 @@ def test_other_threads_do_not_matter_to_what_is_sorted():
     def made(order) -> list[bytes]:
         ids = np.array([9, 2, 7, 2, 5], np.uint32)
         takers = (
-            record.Ranks(ids, 6, (10, 10)),
-            record.Slices(0.05, (10, 10)),
-            record.EventTable(ids, ids, 2, (10, 10), 10**9),
+            recorder.Ranks(ids, 6, (10, 10)),
+            recorder.Slices(0.05, (10, 10)),
+            recorder.EventTable(ids, ids, 2, (10, 10), 10**9),
         )
         for taker in takers:
             taker.take(np.concatenate([by_tile[i] for i in order[:4]]))

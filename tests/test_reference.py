@@ -17,7 +17,7 @@ from reference.samples import Grid, Points
 from reference.visibility import exact as envelope
 from reference.visibility import limited, masked
 
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Material, Mesh
 
 SIZE = (32, 16)

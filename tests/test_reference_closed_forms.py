@@ -18,7 +18,7 @@ from closed_forms import (
 from reference.paths import paths_of
 from reference.render import render
 
-from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.exposure.exposure import Exposure, expose
 from mbinterval.scene.model import Camera, Mesh, Scene
 from mbinterval.scene.tracks import Track
 

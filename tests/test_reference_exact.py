@@ -14,7 +14,7 @@ from reference.render import render
 from reference.samples import Grid, Points
 from reference.visibility import exact as envelope
 
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Mesh
 
 CENTRE = (16.0, 8.0)

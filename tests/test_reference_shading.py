@@ -11,7 +11,7 @@ from reference import shading
 from reference.paths import Intervals
 from reference.render import Image, render
 
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Light, Material, Mesh, Scene, Texture
 
 SIZE = (32, 16)

@@ -13,12 +13,12 @@ import pytest
 from nightly import nightly
 
 import mbinterval as mb
-from mbinterval.analytic import render_analytic
-from mbinterval.cube_maps import directions
 from mbinterval.device.runtime import runtime
-from mbinterval.prepare import prepare
-from mbinterval.reflections import _part_of_curve, surroundings
-from mbinterval.scene.exposure import expose, reflecting
+from mbinterval.exposure.exposure import expose, reflecting
+from mbinterval.plan.prepare import prepare
+from mbinterval.rendering.analytic import render_analytic
+from mbinterval.rendering.cube_maps import directions
+from mbinterval.rendering.reflections import _part_of_curve, surroundings
 from mbinterval.scene.primitives import PRIMITIVES
 
 SIZE = (36, 24)

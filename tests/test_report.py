@@ -9,8 +9,8 @@ import pytest
 from studies import SWEEPS, small_study
 
 import mbinterval as mb
-from mbinterval.comparison import false_colour
-from mbinterval.images import decode_image, linear_to_srgb
+from mbinterval.comparison.comparison import false_colour
+from mbinterval.files.images import decode_image, linear_to_srgb
 from mbinterval.study import run as module
 from mbinterval.study.pictures import CROP, data_uri, worst_crop
 from mbinterval.study.plots import Axis, Point, Series, bars, plot
@@ -173,7 +173,7 @@ def test_a_report_without_any_row_can_be_written(tmp_path):
     camera = mb.Camera(position=(0, 0, 9), look_at=(0, 0, 0), f_stop=2.0, focus_distance=9.0)
     from dataclasses import replace
 
-    from mbinterval.bench_cases import make_case
+    from mbinterval.bench.cases import make_case
     from mbinterval.study.judge import Truth
     from mbinterval.study.run import study
 

@@ -13,8 +13,8 @@ from places import places, within
 from reference.render import render as twin
 
 import mbinterval as mb
-from mbinterval.sampling import fixed_pattern
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.plan.sampling import fixed_pattern
 from mbinterval.scene.model import Camera, Mesh, Scene
 
 LENS = Camera(focal_length=50.0, f_stop=1.0, focus_distance=2.0)

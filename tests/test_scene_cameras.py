@@ -11,8 +11,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 
 import mbinterval as mb
 from mbinterval.errors import SceneError, UsageError
-from mbinterval.scene.framing import framing_camera
-from mbinterval.scene.load import load_file
+from mbinterval.exposure.framing import framing_camera
+from mbinterval.scene.formats.load import load_file
 from mbinterval.scene.model import Mesh, Scene, Viewpoint
 
 

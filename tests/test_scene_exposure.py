@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter
 from mbinterval.scene.tracks import Track, Transform
 

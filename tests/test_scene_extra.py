@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import mbinterval as mb
-from mbinterval.scene.exposure import expose
-from mbinterval.scene.load import load
+from mbinterval.exposure.exposure import expose
+from mbinterval.scene.formats.load import load
 
 MODELS = (
     "animated_morph_cube/AnimatedMorphCube.gltf",

@@ -12,7 +12,7 @@ from PIL import Image
 
 from mbinterval.errors import SceneError
 from mbinterval.scene import generators
-from mbinterval.scene.load import load, load_file
+from mbinterval.scene.formats.load import load, load_file
 
 QUAD = {
     "positions": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
@@ -365,7 +365,7 @@ def test_camera_keys_may_be_given_field_by_field():
 
 
 def test_importing_mbinterval_loads_no_file_library():
-    code = "import sys, mbinterval.scene.load; print(*sys.modules)"
+    code = "import sys, mbinterval.scene.formats.load; print(*sys.modules)"
     result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )

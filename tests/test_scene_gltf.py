@@ -12,10 +12,10 @@ from gltf_files import Gltf
 from PIL import Image
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.exposure import expose
-from mbinterval.scene.gltf import read_gltf
-from mbinterval.scene.gltf_data import GltfData
-from mbinterval.scene.load import load
+from mbinterval.exposure.exposure import expose
+from mbinterval.scene.formats.gltf.data import GltfData
+from mbinterval.scene.formats.gltf.gltf import read_gltf
+from mbinterval.scene.formats.load import load
 from mbinterval.scene.model import Scene
 
 

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from mbinterval.errors import SceneError
+from mbinterval.scene.formats.load import load, load_file
 from mbinterval.scene.generators import GENERATORS, blades, dense_sphere, fast_cubes, ho17_cubes
-from mbinterval.scene.load import load, load_file
 from mbinterval.scene.primitives import PRIMITIVES, box, cylinder, plane, sphere
 
 OBJ = """mtllib m.mtl

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mbinterval.scene.exposure import expose
-from mbinterval.scene.load import load, load_file
-from mbinterval.settings import Settings
+from mbinterval.exposure.exposure import expose
+from mbinterval.scene.formats.load import load, load_file
+from mbinterval.settings.settings import Settings
 
 FOLDER = Path(__file__).parents[1] / "scenes"
 SCENES = sorted(path.name for path in FOLDER.glob("*.toml"))

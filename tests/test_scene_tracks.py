@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.load import load
+from mbinterval.scene.formats.load import load
 from mbinterval.scene.tracks import Track, Transform, quaternion_matrix, quaternion_product, slerp
 
 

@@ -12,13 +12,13 @@ from PIL import Image
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
 from mbinterval.errors import SceneError, UsageError
-from mbinterval.renderer import render
-from mbinterval.scene.exposure import expose
-from mbinterval.scene.load import load
-from mbinterval.scene.mesh_exposure import world_positions
+from mbinterval.exposure.exposure import expose
+from mbinterval.exposure.mesh_exposure import world_positions
+from mbinterval.exposure.shutter_times import Window
+from mbinterval.rendering.renderer import render
+from mbinterval.scene.formats.load import load
+from mbinterval.scene.formats.usd.usd import read_usd
 from mbinterval.scene.model import Scene, Shutter
-from mbinterval.scene.shutter_times import Window
-from mbinterval.scene.usd import read_usd
 
 QUAD = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mbinterval.errors import UsageError
-from mbinterval.setting_rules import OCCLUSIONS
-from mbinterval.settings import SETTINGS, Settings, check_setting, conflicts
+from mbinterval.settings.rules import OCCLUSIONS
+from mbinterval.settings.settings import SETTINGS, Settings, check_setting, conflicts
 
 WRONG = {
     "method": ["exact", None, 1, ["analytic"]],

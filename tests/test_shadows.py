@@ -14,7 +14,7 @@ from shadow_scenes import ALL, AMBIENT, CAMERA, CASES, LAMP, MATT, SPOT, SUN, pl
 from shadow_scenes import turning as turned
 
 import mbinterval as mb
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 
 SIZE = (24, 16)

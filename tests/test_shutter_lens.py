@@ -17,8 +17,8 @@ from reference.visibility import exact as envelope
 
 import mbinterval as mb
 from mbinterval.device import records
-from mbinterval.motion import lay_out
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.layout.motion import lay_out
 from mbinterval.scene.model import Camera, Mesh, Scene, Shutter
 from mbinterval.scene.tracks import Track
 

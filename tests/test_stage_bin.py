@@ -16,7 +16,7 @@ import mbinterval as mb
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime
 from mbinterval.errors import CapacityError
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Camera, Mesh, Scene
 
 OFFSETS = np.array([[0.5, 0.5], [0.03125, 0.96875], [0.96875, 0.25]])

@@ -12,8 +12,8 @@ from reference.paths import make_paths
 from reference.samples import Grid
 
 from mbinterval.device import records
-from mbinterval.motion import lay_out
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.layout.motion import lay_out
 from mbinterval.scene.model import Camera, Mesh, Scene
 
 CULLED, BEHIND, CROSSED, REVERSED = 1, 2, 4, 32

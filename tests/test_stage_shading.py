@@ -7,7 +7,7 @@ import pytest
 from kernels import run
 from reference import shading as twin
 
-from mbinterval.appearance import appearance
+from mbinterval.layout.appearance import appearance
 from mbinterval.scene.model import WRAPS, Light, Material, Texture
 
 

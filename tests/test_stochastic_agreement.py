@@ -17,7 +17,7 @@ from scipy import stats
 from test_hard_cases import CASES, COLORS, SIZE
 
 import mbinterval as mb
-from mbinterval.sampling import RADII
+from mbinterval.plan.sampling import RADII
 from mbinterval.scene.model import Scene
 
 NAMED = "interpenetrating meshes"

@@ -18,9 +18,9 @@ from test_hard_cases import CASES, SIZE, mesh, scene
 from test_stochastic_twin import with_lens
 
 import mbinterval as mb
-from mbinterval.scene.load import load_file
+from mbinterval.scene.formats.load import load_file
 from mbinterval.scene.model import Light, Material, Mesh, Scene
-from mbinterval.setting_rules import CULLS
+from mbinterval.settings.rules import CULLS
 
 SCENES = Path(__file__).resolve().parents[1] / "scenes"
 EXACT = tuple(

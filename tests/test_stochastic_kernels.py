@@ -14,7 +14,7 @@ from test_stochastic_twin import with_lens
 
 import mbinterval as mb
 from mbinterval.device.sources import kernel_root
-from mbinterval.setting_rules import CULLS
+from mbinterval.settings.rules import CULLS
 
 TILE = "stochastic/tile.cl"
 POINTS = [name for name, small in SMALL.items() if "method" in small.settings]

@@ -16,8 +16,8 @@ from test_stochastic_culling import random_scene, same
 from test_stochastic_twin import with_lens
 
 import mbinterval as mb
-from mbinterval.sampling import filter_of, slots_of
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.plan.sampling import filter_of, slots_of
 from mbinterval.scene.model import Scene, Shutter
 
 SIZE = (48, 32)

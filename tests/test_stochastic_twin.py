@@ -14,7 +14,7 @@ from test_hard_cases import CASES, SIZE
 from test_hard_cases import scene as scene_of
 
 import mbinterval as mb
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Material, Scene
 
 LENS = {"fov": None, "focal_length": 24.0, "f_stop": 0.02, "focus_distance": 1.8}

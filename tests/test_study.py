@@ -11,9 +11,9 @@ from nightly import nightly
 from studies import with_rows
 
 import mbinterval as mb
-from mbinterval.bench_cases import make_case
-from mbinterval.setting_rules import CULLS, PATTERNS
-from mbinterval.settings import Settings
+from mbinterval.bench.cases import make_case
+from mbinterval.settings.rules import CULLS, PATTERNS
+from mbinterval.settings.settings import Settings
 from mbinterval.study import run as module
 from mbinterval.study.judge import Truth, errors, exact_places, fixed_places, make_truth
 from mbinterval.study.reference import Reference

@@ -8,9 +8,9 @@ import pytest
 from nightly import nightly_but
 
 import mbinterval as mb
-from mbinterval.bench_cases import make_case
+from mbinterval.bench.cases import make_case
+from mbinterval.bench.meter import MeteredRuntime
 from mbinterval.device.choose import choose_device
-from mbinterval.device.meter import MeteredRuntime
 from mbinterval.scene.generators import fast_cubes
 from mbinterval.study.costs import (
     CURVES,

@@ -14,10 +14,10 @@ from reference import shading as twin
 from test_exact_films import rms
 
 import mbinterval as mb
-from mbinterval.appearance import appearance
-from mbinterval.motion import lay_out
-from mbinterval.prepare import make_plan
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.layout.appearance import appearance
+from mbinterval.layout.motion import lay_out
+from mbinterval.plan.prepare import make_plan
 from mbinterval.scene.model import Camera, Material, Mesh, Scene, Texture
 
 SIZE = (64, 48)

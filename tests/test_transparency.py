@@ -16,8 +16,8 @@ from test_twin_agreement import LIGHTS, MOVING_CAMERA, late, triangles
 
 import mbinterval as mb
 from mbinterval.errors import UsageError
-from mbinterval.sampling import fixed_pattern
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.plan.sampling import fixed_pattern
 from mbinterval.scene.model import Camera, Material, Mesh, Scene, Shutter, Texture
 
 SIZE = (48, 32)

@@ -22,9 +22,9 @@ from reference.samples import Grid, expand
 from reference.visibility import limited
 
 import mbinterval as mb
-from mbinterval.sampling import fixed_pattern
-from mbinterval.scene.benchmark import read_benchmark
-from mbinterval.scene.exposure import Exposure, expose
+from mbinterval.exposure.exposure import Exposure, expose
+from mbinterval.plan.sampling import fixed_pattern
+from mbinterval.scene.formats.meshes.benchmark import read_benchmark
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Texture
 from mbinterval.scene.tracks import Track
 

@@ -10,7 +10,7 @@ import pytest
 from gltf_files import Gltf
 
 from mbinterval import cli
-from mbinterval.film import Film
+from mbinterval.film.film import Film
 
 FOX = Path(__file__).parent.parent / "scenes" / "assets" / "Fox.glb"
 BOX = '[[objects]]\nname = "box"\nprimitive = { kind = "box", size = [1, 2, 3] }\n'

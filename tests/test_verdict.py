@@ -5,8 +5,8 @@ import pytest
 from nightly import nightly
 from scipy import stats
 
-from mbinterval.distributions import fisher_above, holm, student_two_sided
-from mbinterval.verdict import Repeats, judge
+from mbinterval.comparison.distributions import fisher_above, holm, student_two_sided
+from mbinterval.comparison.verdict import Repeats, judge
 
 SIZE = (32, 48)
 

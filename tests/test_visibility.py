@@ -7,12 +7,12 @@ import pytest
 from reference import render as twin
 
 from mbinterval.errors import SceneError
-from mbinterval.renderer import render
-from mbinterval.scene.exposure import expose
-from mbinterval.scene.load import load
+from mbinterval.exposure.exposure import expose
+from mbinterval.rendering.renderer import render
+from mbinterval.scene.formats.load import load
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter
 from mbinterval.scene.tracks import Track, Transform
-from mbinterval.settings import Settings
+from mbinterval.settings.settings import Settings
 
 WIDTH, HEIGHT = 48, 32
 CAMERA = Camera(position=(0, 0, 10), look_at=(0, 0, 0), fov=40)

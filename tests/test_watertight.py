@@ -17,8 +17,8 @@ from nightly import nightly
 
 import mbinterval as mb
 from mbinterval.device import records
-from mbinterval.motion import lay_out
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.layout.motion import lay_out
 from mbinterval.scene.model import Camera, Mesh, Scene
 
 ULPS = 4 * np.finfo(np.float32).eps

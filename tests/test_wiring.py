@@ -18,10 +18,10 @@ from closed_forms import UNIT_CAMERA
 from kernels import ready_for
 
 import mbinterval as mb
-from mbinterval.buffers import pools, scratch
 from mbinterval.device import records
 from mbinterval.device.runtime import runtime
 from mbinterval.device.sources import kernel_root
+from mbinterval.plan.buffers import pools, scratch
 from mbinterval.scene.model import Scene
 
 SIGNATURE = re.compile(r"^kernel void (\w+)\((.*?)\)\n\{", re.M | re.S)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
-from mbinterval.scene import checks
-from mbinterval.scene.checks import Vector, freeze
+from mbinterval.scene import field_values
+from mbinterval.scene.field_values import Vector, freeze
 from mbinterval.scene.frozen import Frozen, check_portable
 from mbinterval.scene.tracks import Placement, Track, check_place, keyed
 
@@ -57,14 +57,14 @@ class Shutter(Frozen):
 
         Its ``"centre"``, ``"start"`` or ``"end"`` is on the frame. ``fields`` are the other ones.
         """
-        checks.choice(place, PLACES, "shutter: place")
-        length = checks.number(angle, "shutter: angle", above=0.0) / 360.0
+        field_values.choice(place, PLACES, "shutter: place")
+        length = field_values.number(angle, "shutter: angle", above=0.0) / 360.0
         start = {"centre": -0.5 * length, "start": 0.0, "end": -length}[place]
         return cls(open=start, close=start + length, **fields)
 
     def __post_init__(self) -> None:
-        opens = checks.number(self.open, "shutter: open")
-        closes = checks.number(self.close, "shutter: close")
+        opens = field_values.number(self.open, "shutter: open")
+        closes = field_values.number(self.close, "shutter: close")
         if opens >= closes:
             raise SceneError(
                 f"shutter: open={opens:g}, close={closes:g}; expected open < close, "
@@ -75,8 +75,8 @@ class Shutter(Frozen):
             open=opens,
             close=closes,
             curve=_curve(self.curve),
-            opening=checks.number(self.opening, "shutter: opening", 0.0, 1.0),
-            closing=checks.number(self.closing, "shutter: closing", 0.0, 1.0),
+            opening=field_values.number(self.opening, "shutter: opening", 0.0, 1.0),
+            closing=field_values.number(self.closing, "shutter: closing", 0.0, 1.0),
         )
         if self.curve == "trapezoid" and self.opening + self.closing > 1.0:
             raise SceneError("shutter: opening and closing take longer than the shutter is open")
@@ -88,15 +88,17 @@ class Shutter(Frozen):
                 if getattr(self, name) is not None:
                     raise SceneError(f"shutter: {name} without rolling; give its direction")
             return
-        rolling = checks.choice(self.rolling, ROLLINGS, "shutter: rolling")
+        rolling = field_values.choice(self.rolling, ROLLINGS, "shutter: rolling")
         for name in ("line_offset", "line_exposure"):
             if getattr(self, name) is None:
                 raise SceneError(f"shutter: rolling without {name}; give it in seconds")
         freeze(
             self,
             rolling=rolling,
-            line_offset=checks.number(self.line_offset, "shutter: line_offset", 0.0),
-            line_exposure=checks.number(self.line_exposure, "shutter: line_exposure", above=0.0),
+            line_offset=field_values.number(self.line_offset, "shutter: line_offset", 0.0),
+            line_exposure=field_values.number(
+                self.line_exposure, "shutter: line_exposure", above=0.0
+            ),
         )
 
     def keys(self) -> Float64:
@@ -168,7 +170,7 @@ class Camera(Frozen):
     name: str = ""
 
     def __post_init__(self) -> None:
-        where = checks.named("camera", self.name)
+        where = field_values.named("camera", self.name)
         self._check_view(where)
         if self.fov is not None and self.focal_length is not None:
             raise SceneError(f"{where}: fov and focal_length both given; give one")
@@ -178,7 +180,7 @@ class Camera(Frozen):
         for name, end in _KEYED_NUMBERS.items():
             value = getattr(self, name)
             if value is not None and keyed(value, (), f"{where}: {name}") is None:
-                value = checks.number(value, f"{where}: {name}", above=0.0, below=end)
+                value = field_values.number(value, f"{where}: {name}", above=0.0, below=end)
                 freeze(self, **{name: value})
             elif value is not None and not (0.0 < value.values.min() <= value.values.max() < end):
                 below = f" and below {end:g}" if end < np.inf else ""
@@ -186,7 +188,7 @@ class Camera(Frozen):
         self._check_lens(where)
 
     def __getstate__(self) -> dict[str, Any]:
-        check_portable(self.transform, f"{checks.named('camera', self.name)}: transform")
+        check_portable(self.transform, f"{field_values.named('camera', self.name)}: transform")
         return dict(vars(self))
 
     @property
@@ -211,7 +213,7 @@ class Camera(Frozen):
             value = getattr(self, name)
             what = f"{where}: {name}"
             if keyed(value, (3,), what) is None and not (name == "look_at" and value is None):
-                freeze(self, **{name: checks.vector(value, what)})
+                freeze(self, **{name: field_values.vector(value, what)})
         if self.transform is None:
             return
         check_place(self.transform, f"{where}: transform")
@@ -223,20 +225,20 @@ class Camera(Frozen):
         for name in ("vertical_aperture", "horizontal_aperture", "meters_per_unit"):
             value = getattr(self, name)
             if value is not None or name == "meters_per_unit":
-                freeze(self, **{name: checks.number(value, f"{where}: {name}", above=0.0)})
-        blades = checks.whole_number(self.blades, f"{where}: blades", 0, 64)
+                freeze(self, **{name: field_values.number(value, f"{where}: {name}", above=0.0)})
+        blades = field_values.whole_number(self.blades, f"{where}: blades", 0, 64)
         if blades in (1, 2):
             raise SceneError(f"{where}: blades={blades}: expected 0, a round lens, or 3 to 64")
-        turn = checks.number(self.blade_rotation, f"{where}: blade_rotation")
+        turn = field_values.number(self.blade_rotation, f"{where}: blade_rotation")
         freeze(self, blades=blades, blade_rotation=turn)
         if self.foreground_blur is not None:
-            blur = checks.number(self.foreground_blur, f"{where}: foreground_blur", 0.0)
+            blur = field_values.number(self.foreground_blur, f"{where}: foreground_blur", 0.0)
             freeze(self, foreground_blur=blur)
         if self.sharp_range is not None:
             what, expected = f"{where}: sharp_range", "nearest and farthest distance, above 0"
-            near, far = checks.row(self.sharp_range, 2, what, expected)
+            near, far = field_values.row(self.sharp_range, 2, what, expected)
             if not 0.0 < near <= far:
-                raise checks.refuse(self.sharp_range, what, expected)
+                raise field_values.refuse(self.sharp_range, what, expected)
             freeze(self, sharp_range=(near, far))
         given = ("focus_distance", "sharp_range", "foreground_blur")
         for name in given if self.f_stop is None else ():
@@ -260,12 +262,12 @@ _KEYED_NUMBERS = {"fov": 180.0, "focal_length": np.inf, "f_stop": np.inf, "focus
 
 def _curve(value: Any) -> str | tuple[float, ...]:
     if isinstance(value, str):
-        return checks.choice(value, CURVES, "shutter: curve")
-    curve = checks.numbers(value, np.float64, "shutter: curve")
+        return field_values.choice(value, CURVES, "shutter: curve")
+    curve = field_values.numbers(value, np.float64, "shutter: curve")
     if curve.ndim != 1 or not 2 <= len(curve) <= 1024:
         expected = f"{', '.join(map(repr, CURVES))}, or 2 to 1024 values"
-        raise checks.refuse(value, "shutter: curve", expected)
+        raise field_values.refuse(value, "shutter: curve", expected)
     if not (np.isfinite(curve).all() and (curve >= 0.0).all() and curve.any()):
         raise SceneError("shutter: curve values must be finite, from 0 up, and not all 0")
-    checks.row(curve, len(curve), "shutter: curve", "finite numbers")
+    field_values.row(curve, len(curve), "shutter: curve", "finite numbers")
     return tuple(curve.tolist())

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
-from mbinterval.scene import checks
-from mbinterval.scene.checks import freeze
+from mbinterval.scene import field_values
+from mbinterval.scene.field_values import freeze
 from mbinterval.scene.frozen import Frozen
 
 Float32 = NDArray[np.float32]
@@ -47,7 +47,7 @@ class Environment(Frozen):
     background: bool = True
 
     def __post_init__(self) -> None:
-        image = checks.image(self.image, "environment: image")[..., :3]
+        image = field_values.image(self.image, "environment: image")[..., :3]
         height, width = image.shape[:2]
         if width != 2 * height:
             raise SceneError(
@@ -60,7 +60,7 @@ class Environment(Frozen):
                 f"environment: image has {image.min():g} as its least value, the first below 0 at "
                 f"row {row}, column {column}; light can't be negative: clip the image at 0"
             )
-        intensity = checks.number(self.intensity, "environment: intensity", 0.0)
+        intensity = field_values.number(self.intensity, "environment: intensity", 0.0)
         most = float(image.max()) * intensity
         if most > _BRIGHTEST:
             raise SceneError(
@@ -71,8 +71,8 @@ class Environment(Frozen):
             self,
             image=image,
             intensity=intensity,
-            rotation=checks.number(self.rotation, "environment: rotation"),
-            background=checks.flag(self.background, "environment: background"),
+            rotation=field_values.number(self.rotation, "environment: rotation"),
+            background=field_values.flag(self.background, "environment: background"),
         )
 
 
@@ -99,6 +99,6 @@ class Reflections(Frozen):
     def __post_init__(self) -> None:
         freeze(
             self,
-            size=checks.whole_number(self.size, "reflections: size", 16, 1024),
-            times=checks.whole_number(self.times, "reflections: times", 1, 64),
+            size=field_values.whole_number(self.size, "reflections: size", 16, 1024),
+            times=field_values.whole_number(self.times, "reflections: times", 1, 64),
         )

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from mbinterval.checks import shown
 from mbinterval.errors import MbintervalError, SceneError
+from mbinterval.values import shown
 
 
 class Frozen:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.checks import shown
 from mbinterval.errors import SceneError
-from mbinterval.scene.checks import check_finite, choice, numbers, refuse
+from mbinterval.scene.field_values import check_finite, choice, numbers, refuse
+from mbinterval.values import shown
 
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError, UsageError
-from mbinterval.scene import checks
+from mbinterval.scene import field_values
 from mbinterval.scene.camera import Camera, Shutter, Viewpoint
-from mbinterval.scene.checks import Vector, freeze
 from mbinterval.scene.deform import Deformer
 from mbinterval.scene.environment import Environment, Reflections
+from mbinterval.scene.field_values import Vector, freeze
 from mbinterval.scene.frozen import Frozen, check_portable
 from mbinterval.scene.mesh_arrays import check_attribute, check_color, check_faces, check_positions
 from mbinterval.scene.tracks import Placement, Track, check_place
@@ -68,11 +68,11 @@ class Texture(Frozen):
     wrap: str = "repeat"
 
     def __post_init__(self) -> None:
-        where = checks.named("texture", self.name)
-        image = checks.image(self.image, f"{where}: image")
+        where = field_values.named("texture", self.name)
+        image = field_values.image(self.image, f"{where}: image")
         if image.shape[2] == 3:
             image = np.concatenate([image, np.ones_like(image[..., :1])], axis=2)
-        freeze(self, image=image, wrap=checks.choice(self.wrap, WRAPS, f"{where}: wrap"))
+        freeze(self, image=image, wrap=field_values.choice(self.wrap, WRAPS, f"{where}: wrap"))
 
     @cached_property
     def alpha_range(self) -> tuple[float, float]:
@@ -130,30 +130,30 @@ class Material(Frozen):
     alpha_cutoff: float = 0.5
 
     def __post_init__(self) -> None:
-        where = checks.named("material", self.name)
+        where = field_values.named("material", self.name)
         for field_name in ("texture", "metallic_roughness_texture", "emission_texture"):
             if getattr(self, field_name) is not None:
                 remedy = ", made of pixels that mbinterval.read_image reads"
-                checks.check_kind(
+                field_values.check_kind(
                     getattr(self, field_name), Texture, f"{where}: {field_name}", remedy
                 )
         freeze(
             self,
-            base_color=checks.vector(self.base_color, f"{where}: base_color"),
-            shading=checks.choice(self.shading, SHADINGS, f"{where}: shading"),
-            specular=checks.vector(self.specular, f"{where}: specular"),
-            shininess=checks.number(self.shininess, f"{where}: shininess", above=0.0),
-            metallic=checks.number(self.metallic, f"{where}: metallic", 0.0, 1.0),
-            roughness=checks.number(self.roughness, f"{where}: roughness", 0.0, 1.0),
-            emission=checks.vector(self.emission, f"{where}: emission"),
-            double_sided=checks.flag(self.double_sided, f"{where}: double_sided"),
-            reflectivity=checks.number(self.reflectivity, f"{where}: reflectivity", 0.0, 1.0),
-            reflection_shear=checks.number(
+            base_color=field_values.vector(self.base_color, f"{where}: base_color"),
+            shading=field_values.choice(self.shading, SHADINGS, f"{where}: shading"),
+            specular=field_values.vector(self.specular, f"{where}: specular"),
+            shininess=field_values.number(self.shininess, f"{where}: shininess", above=0.0),
+            metallic=field_values.number(self.metallic, f"{where}: metallic", 0.0, 1.0),
+            roughness=field_values.number(self.roughness, f"{where}: roughness", 0.0, 1.0),
+            emission=field_values.vector(self.emission, f"{where}: emission"),
+            double_sided=field_values.flag(self.double_sided, f"{where}: double_sided"),
+            reflectivity=field_values.number(self.reflectivity, f"{where}: reflectivity", 0.0, 1.0),
+            reflection_shear=field_values.number(
                 self.reflection_shear, f"{where}: reflection_shear", 0.0
             ),
-            opacity=checks.number(self.opacity, f"{where}: opacity", 0.0, 1.0),
-            alpha_mode=checks.choice(self.alpha_mode, ALPHA_MODES, f"{where}: alpha_mode"),
-            alpha_cutoff=checks.number(self.alpha_cutoff, f"{where}: alpha_cutoff", 0.0),
+            opacity=field_values.number(self.opacity, f"{where}: opacity", 0.0, 1.0),
+            alpha_mode=field_values.choice(self.alpha_mode, ALPHA_MODES, f"{where}: alpha_mode"),
+            alpha_cutoff=field_values.number(self.alpha_cutoff, f"{where}: alpha_cutoff", 0.0),
         )
 
     @property
@@ -198,30 +198,30 @@ class Light(Frozen):
     shadows: bool = False
 
     def __post_init__(self) -> None:
-        kind = checks.choice(self.kind, LIGHT_KINDS, "light: kind")
-        direction = checks.vector(self.direction, "light: direction")
+        kind = field_values.choice(self.kind, LIGHT_KINDS, "light: kind")
+        direction = field_values.vector(self.direction, "light: direction")
         if kind in ("directional", "spot") and not any(direction):
             raise SceneError("light: direction is zero; give the way that light travels")
-        inner = checks.number(self.inner_angle, "light: inner_angle", 0.0)
-        outer = checks.number(self.outer_angle, "light: outer_angle", 0.0, 90.0)
+        inner = field_values.number(self.inner_angle, "light: inner_angle", 0.0)
+        outer = field_values.number(self.outer_angle, "light: outer_angle", 0.0, 90.0)
         if inner >= outer:
             raise SceneError(
                 f"light: inner_angle={inner:g}, outer_angle={outer:g}; expected inner_angle < "
                 "outer_angle, in degrees from the middle of the cone"
             )
-        color = checks.vector(self.color, "light: color")
-        intensity = checks.number(self.intensity, "light: intensity", 0.0)
-        checks.product({"color": color, "intensity": intensity}, "light")
+        color = field_values.vector(self.color, "light: color")
+        intensity = field_values.number(self.intensity, "light: intensity", 0.0)
+        field_values.product({"color": color, "intensity": intensity}, "light")
         freeze(
             self,
             kind=kind,
             color=color,
             intensity=intensity,
             direction=direction,
-            position=checks.vector(self.position, "light: position"),
+            position=field_values.vector(self.position, "light: position"),
             inner_angle=inner,
             outer_angle=outer,
-            shadows=checks.flag(self.shadows, "light: shadows"),
+            shadows=field_values.flag(self.shadows, "light: shadows"),
         )
         if self.transform is not None:
             check_place(self.transform, "light: transform")
@@ -296,7 +296,7 @@ class Mesh(Frozen):
     shading: InitVar[str | None] = None
 
     def __post_init__(self, shading: str | None) -> None:
-        where = checks.named("mesh", self.name)
+        where = field_values.named("mesh", self.name)
         positions = check_positions(self.positions, where)
         count, times = positions.shape[-2], positions.shape[0] if positions.ndim == 3 else 1
         faces = check_faces(self.faces, count, where)
@@ -312,42 +312,45 @@ class Mesh(Frozen):
             color=color,
             color_domain=domain,
             visible=_visibility(self.visible, f"{where}: visible"),
-            motion_blur=checks.flag(self.motion_blur, f"{where}: motion_blur"),
-            shutter_scale=checks.number(self.shutter_scale, f"{where}: shutter_scale", 0.0),
+            motion_blur=field_values.flag(self.motion_blur, f"{where}: motion_blur"),
+            shutter_scale=field_values.number(self.shutter_scale, f"{where}: shutter_scale", 0.0),
         )
         self._check_material(shading, where)
         self._check_segments(where)
         if self.transform is not None:
             check_place(self.transform, f"{where}: transform")
         if self.reflections is not None:
-            checks.check_kind(self.reflections, Reflections, f"{where}: reflections")
+            field_values.check_kind(self.reflections, Reflections, f"{where}: reflections")
         if self.deformer is not None and self.times > 1:
             raise SceneError(f"{where}: a deformer and positions per time; give one")
 
     def __getstate__(self) -> dict[str, Any]:
         for name in ("transform", "deformer"):
-            check_portable(getattr(self, name), f"{checks.named('mesh', self.name)}: {name}")
+            check_portable(getattr(self, name), f"{field_values.named('mesh', self.name)}: {name}")
         return dict(vars(self))
 
     def _check_material(self, shading: str | None, where: str) -> None:
         if self.material is not None:
-            checks.check_kind(self.material, Material, f"{where}: material")
+            field_values.check_kind(self.material, Material, f"{where}: material")
             base = self.material.base_color
             if self.color is not None and max(map(abs, base)) > 1.0:
-                checks.product({"color": self.color, "base_color": base}, where)
+                field_values.product({"color": self.color, "base_color": base}, where)
         if shading is None:
             return
         if self.material is not None:
             raise SceneError(f"{where}: material and shading both given; give one")
         freeze(
-            self, material=Material(shading=checks.choice(shading, SHADINGS, f"{where}: shading"))
+            self,
+            material=Material(shading=field_values.choice(shading, SHADINGS, f"{where}: shading")),
         )
 
     def _check_segments(self, where: str) -> None:
         if self.motion_segments is None:
             return
         most = max(MOST_SEGMENTS, self.times - 1)
-        segments = checks.whole_number(self.motion_segments, f"{where}: motion_segments", 1, most)
+        segments = field_values.whole_number(
+            self.motion_segments, f"{where}: motion_segments", 1, most
+        )
         if self.times > 1 and segments % (self.times - 1):
             raise SceneError(
                 f"{where}: motion_segments={segments}, but positions are given for "
@@ -402,20 +405,20 @@ class Scene(Frozen):
 
     def __post_init__(self) -> None:
         if self.camera is not None:
-            checks.check_kind(self.camera, Camera, "scene: camera")
+            field_values.check_kind(self.camera, Camera, "scene: camera")
         if self.environment is not None:
             remedy = ", made of pixels that mbinterval.read_image reads"
-            checks.check_kind(self.environment, Environment, "scene: environment", remedy)
-        checks.check_kind(self.shutter, Shutter, "scene: shutter")
+            field_values.check_kind(self.environment, Environment, "scene: environment", remedy)
+        field_values.check_kind(self.shutter, Shutter, "scene: shutter")
         freeze(
             self,
-            meshes=checks.items(self.meshes, Mesh, "scene: meshes"),
-            lights=checks.items(self.lights, Light, "scene: lights"),
+            meshes=field_values.items(self.meshes, Mesh, "scene: meshes"),
+            lights=field_values.items(self.lights, Light, "scene: lights"),
             background=_background(self.background),
-            fps=checks.number(self.fps, "scene: fps", above=0.0),
-            name=checks.text(self.name, "scene: name"),
-            notes=checks.items(self.notes, str, "scene: notes"),
-            cameras=checks.items(self.cameras, Viewpoint, "scene: cameras"),
+            fps=field_values.number(self.fps, "scene: fps", above=0.0),
+            name=field_values.text(self.name, "scene: name"),
+            notes=field_values.items(self.notes, str, "scene: notes"),
+            cameras=field_values.items(self.cameras, Viewpoint, "scene: cameras"),
         )
 
     def through(self, camera: str | int) -> Scene:
@@ -446,7 +449,7 @@ class Scene(Frozen):
 
 def _visibility(value: Any, what: str) -> bool | Track:
     if not isinstance(value, Track):
-        return checks.flag(value, what)
+        return field_values.flag(value, what)
     if value.interpolation != "step" or value.shape != ():
         raise SceneError(f"{what} is keyed, but not by a stepped track of single numbers")
     return value
@@ -455,7 +458,9 @@ def _visibility(value: Any, what: str) -> bool | Track:
 def _background(value: Any) -> Vector | Float32:
     what = "scene: background"
     if isinstance(value, str | Path) or np.ndim(value) == 3:
-        pixels: Float32 = checks.image(value, what)[..., :3]
+        pixels: Float32 = field_values.image(value, what)[..., :3]
         return pixels
-    red, green, blue = checks.row(value, 3, what, "three finite numbers, or an image (h, w, 3)")
+    red, green, blue = field_values.row(
+        value, 3, what, "three finite numbers, or an image (h, w, 3)"
+    )
     return red, green, blue

@@ -12,10 +12,10 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.checks import shown
 from mbinterval.errors import SceneError
-from mbinterval.scene import checks
+from mbinterval.scene import field_values
 from mbinterval.scene.frozen import Frozen
+from mbinterval.values import shown
 
 Float64 = NDArray[np.float64]
 
@@ -47,24 +47,26 @@ class Track(Frozen):
     quaternion: bool = False
 
     def __post_init__(self) -> None:
-        frames = checks.numbers(self.frames, np.float64, "track: frames")
-        values = checks.numbers(self.values, np.float64, "track: values")
+        frames = field_values.numbers(self.frames, np.float64, "track: frames")
+        values = field_values.numbers(self.values, np.float64, "track: values")
         if frames.ndim != 1 or len(frames) == 0 or values.shape[:1] != frames.shape:
             raise SceneError(
                 f"track: {frames.shape} key times for values of shape {values.shape}; "
                 "expected as many times as values, at least one"
             )
         for name, array in (("frames", frames), ("values", values)):
-            checks.check_finite(array.reshape(len(frames), -1), f"track: {name}", "key")
+            field_values.check_finite(array.reshape(len(frames), -1), f"track: {name}", "key")
         if np.any(np.diff(frames) <= 0):
             raise SceneError(f"track: key times must increase, got {shown(frames.tolist())}")
-        interpolation = checks.choice(self.interpolation, INTERPOLATIONS, "track: interpolation")
+        interpolation = field_values.choice(
+            self.interpolation, INTERPOLATIONS, "track: interpolation"
+        )
         cubic = interpolation == "cubic"
         if cubic and (values.ndim != 3 or values.shape[1] != 3):
             raise SceneError(f"track: cubic values have shape {values.shape}, expected (n, 3, d)")
-        if checks.flag(self.quaternion, "track: quaternion"):
+        if field_values.flag(self.quaternion, "track: quaternion"):
             values = _unit_keys(values, cubic)
-        checks.freeze(self, frames=frames, values=values, interpolation=interpolation)
+        field_values.freeze(self, frames=frames, values=values, interpolation=interpolation)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -156,16 +158,16 @@ class Transform(Frozen):
         ):
             value, what = getattr(self, name), f"transform: {name}"
             if keyed(value, (count,), what) is None:
-                checks.freeze(self, **{name: checks.row(value, count, what, expected)})
+                field_values.freeze(self, **{name: field_values.row(value, count, what, expected)})
         if isinstance(self.rotation, Track):
             if not self.rotation.quaternion:
                 raise SceneError("transform: rotation is keyed without Track(quaternion=True)")
         elif not any(self.rotation):
             raise SceneError("transform: rotation is a quaternion of length 0; give x, y, z, w")
         if self.matrix is not None:
-            checks.freeze(self, matrix=_affine(self.matrix))
+            field_values.freeze(self, matrix=_affine(self.matrix))
         if self.parent is not None:
-            checks.check_kind(self.parent, Transform, "transform: parent")
+            field_values.check_kind(self.parent, Transform, "transform: parent")
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Pickle would go up to the root node by node, deeper than Python's stack: so, of every
@@ -262,14 +264,14 @@ def keyed(value: Any, shape: tuple[int, ...], what: str) -> Track | None:
 def check_place(value: Any, what: str) -> None:
     """Refuse what is no place in the world over time."""
     if not isinstance(value, Placement):
-        raise checks.refuse(value, what, "a Transform")
+        raise field_values.refuse(value, what, "a Transform")
 
 
 def _affine(value: Any) -> Float64:
-    matrix = checks.numbers(value, np.float64, "transform: matrix")
+    matrix = field_values.numbers(value, np.float64, "transform: matrix")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise checks.refuse(value, "transform: matrix", "4 x 4 finite numbers")
-    checks.check_finite(matrix, "transform: matrix", "row")
+        raise field_values.refuse(value, "transform: matrix", "4 x 4 finite numbers")
+    field_values.check_finite(matrix, "transform: matrix", "row")
     if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), rtol=0.0, atol=1e-6):
         raise SceneError(
             f"transform: the last row of matrix is {matrix[3].tolist()}, expected [0, 0, 0, 1]; it "

@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from mbinterval.bench import Brevity, measure
-from mbinterval.bench_cases import Case
-from mbinterval.device.meter import MeteredRuntime
-from mbinterval.effects import Effect
-from mbinterval.film import Film
-from mbinterval.prepare import prepare
+from mbinterval.bench.bench import Brevity, measure
+from mbinterval.bench.cases import Case
+from mbinterval.bench.meter import MeteredRuntime
+from mbinterval.film.film import Film
+from mbinterval.plan.effects import Effect
+from mbinterval.plan.prepare import prepare
 from mbinterval.scene.generators import ho17_cubes
 from mbinterval.scene.model import Mesh, Scene
-from mbinterval.settings import Settings
+from mbinterval.settings.settings import Settings
 from mbinterval.study.sweeps import ACCUMULATION, EXACT, PUBLISHED, STOCHASTIC
 from mbinterval.study.switches import SWITCHES, at_middle
 
@@ -43,7 +43,7 @@ def curve(name: str, case: Case, rounds: int, meter: MeteredRuntime) -> dict[str
     Returns
     -------
     ``title``, ``axis``, and ``points`` with their ``x`` and a row for each method (see
-    `mbinterval.bench.measure`).
+    `mbinterval.bench.bench.measure`).
     """
     title, axis, cases_of = CURVES[name]
     cases = dict(cases_of(case))

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval import metrics
-from mbinterval.bench_cases import Case
+from mbinterval.bench.cases import Case
+from mbinterval.comparison import metrics
 from mbinterval.errors import UsageError
-from mbinterval.film import Film
-from mbinterval.settings import Settings
+from mbinterval.film.film import Film
+from mbinterval.settings.settings import Settings
 from mbinterval.study.reference import Reference, converged
 
 ERRORS = ("rmse", "temporal", "relative_mse", "mae", "psnr", "ssim")

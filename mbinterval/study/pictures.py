@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval import metrics
-from mbinterval.comparison import false_colour
-from mbinterval.film import Film
-from mbinterval.images import linear_to_srgb
+from mbinterval.comparison import metrics
+from mbinterval.comparison.comparison import false_colour
+from mbinterval.files.images import linear_to_srgb
+from mbinterval.film.film import Film
 from mbinterval.study.judge import independent
 
 CROP = (112, 84)
@@ -64,7 +64,7 @@ class Gallery:
 
 
 def map_uri(errors: Float32) -> str:
-    """`mbinterval.comparison.false_colour` of errors, as `data_uri` has it."""
+    """`mbinterval.comparison.comparison.false_colour` of errors, as `data_uri` has it."""
     return data_uri(false_colour(errors))
 
 

@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from mbinterval.bench import Brevity, measure
-from mbinterval.bench_cases import Case
-from mbinterval.checks import number
+from mbinterval.bench.bench import Brevity, measure
+from mbinterval.bench.cases import Case
+from mbinterval.bench.meter import MeteredRuntime
 from mbinterval.device.choose import choose_device
-from mbinterval.device.meter import MeteredRuntime
 from mbinterval.errors import UsageError
-from mbinterval.settings import Settings
+from mbinterval.settings.settings import Settings
 from mbinterval.study.judge import Truth, errors
 from mbinterval.study.reference import converged
 from mbinterval.study.summary import slope
 from mbinterval.study.sweeps import ACCUMULATION, EXACT, PUBLISHED, STOCHASTIC
+from mbinterval.values import number
 
 _FLATTEST, _STEEPEST = -0.1, -1.5
 _TRIES = 8

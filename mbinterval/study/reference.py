@@ -21,16 +21,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.arrays import read_arrays
-from mbinterval.atomic import prepare_output, write_file
-from mbinterval.bench import settings_text
-from mbinterval.bench_cases import Case
-from mbinterval.checks import number, shown, whole_number
+from mbinterval.bench.bench import settings_text
+from mbinterval.bench.cases import Case
 from mbinterval.device.choose import choose_device
 from mbinterval.device.sources import kernel_root
 from mbinterval.errors import UsageError
-from mbinterval.renderer import render
-from mbinterval.settings import Settings
+from mbinterval.files.arrays import read_arrays
+from mbinterval.files.atomic import prepare_output, write_file
+from mbinterval.rendering.renderer import render
+from mbinterval.settings.settings import Settings
+from mbinterval.values import number, shown, whole_number
 from mbinterval.version import __version__
 
 _log = logging.getLogger(__name__)

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from mbinterval.atomic import write_file
-from mbinterval.comparison import MAP_RANGE
+from mbinterval.comparison.comparison import MAP_RANGE
 from mbinterval.errors import UsageError
-from mbinterval.film import Film
+from mbinterval.files.atomic import write_file
+from mbinterval.film.film import Film
 from mbinterval.study import sections
 from mbinterval.study.pictures import Gallery, data_uri, map_uri, worst_crop
 from mbinterval.study.run import FORMAT, reference_name

@@ -16,22 +16,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mbinterval.atomic import prepare_output, write_file
-from mbinterval.bench import Brevity, measure
-from mbinterval.bench_cases import Case
-from mbinterval.checks import number, whole_number
+from mbinterval.bench.bench import Brevity, measure
+from mbinterval.bench.cases import Case
+from mbinterval.bench.meter import MeteredRuntime
 from mbinterval.device.choose import choose_device
-from mbinterval.device.meter import MeteredRuntime
 from mbinterval.errors import OutputError
-from mbinterval.film import Film
-from mbinterval.ownership import SOFTWARE, check_replaceable
-from mbinterval.results import write_result
-from mbinterval.settings import Settings
+from mbinterval.files.atomic import prepare_output, write_file
+from mbinterval.files.ownership import SOFTWARE, check_replaceable
+from mbinterval.files.results import write_result
+from mbinterval.film.film import Film
+from mbinterval.settings.settings import Settings
 from mbinterval.study.costs import CURVES, curve, effects
 from mbinterval.study.judge import ERRORS, Truth, colour_of, errors, exact_places
 from mbinterval.study.reference import fingerprint
 from mbinterval.study.summary import summarize
 from mbinterval.study.sweeps import SWEEPS, Sweep, chosen, weight
+from mbinterval.values import number, whole_number
 
 _log = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ def study(
 
     Returns
     -------
-    ``sweeps`` by name with ``rows`` (see `mbinterval.bench.measure` for what a row has, and
+    ``sweeps`` by name with ``rows`` (see `mbinterval.bench.bench.measure` for what a row has, and
     `mbinterval.study.judge.errors`), ``costs``, ``effects``, ``references``, ``pareto`` and
     ``slopes`` (see `mbinterval.study.summary`), machine, device and versions. ``complete`` says
     whether all that was asked for is in it.

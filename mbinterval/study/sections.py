@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from mbinterval.metrics import rms_map
+from mbinterval.comparison.metrics import rms_map
 from mbinterval.study.pictures import Gallery, data_uri, map_uri
 from mbinterval.study.plots import PALETTE, Axis, Point, Series, bars, plot
 from mbinterval.study.summary import (

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mbinterval.checks import nearest
 from mbinterval.errors import UsageError
-from mbinterval.setting_rules import CULLS, OCCLUSIONS
+from mbinterval.settings.rules import CULLS, OCCLUSIONS
+from mbinterval.values import nearest
 
 _ANY = {"filter": "box", "transparent": False}
 EXACT = {**_ANY, "method": "analytic", "paths": "exact", "occlusion": "exact"}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mbinterval.cube_maps import irradiance
+from mbinterval.rendering.cube_maps import irradiance
 from mbinterval.scene.model import Camera, Environment, Light, Material, Scene, Shutter, Vector
 from mbinterval.scene.tracks import Track, Transform
 
@@ -195,4 +195,4 @@ SWITCHES: dict[str, tuple[str, Callable[[Scene, float], Scene]]] = {
     "environment as background": ("one colour behind everything", _plain_sky),
     "reflections of surroundings": ("the environment alone mirrored", _no_reflections),
 }
-"""What takes each effect (of `mbinterval.effects`) out of a scene: in words, and how."""
+"""What takes each effect (of `mbinterval.plan.effects`) out of a scene: in words, and how."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbinterval.scene.exposure import Exposure
+from mbinterval.exposure.exposure import Exposure
 
 from .hits import Samples, barycentrics
 from .paths import Paths, paths_of

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbinterval.scene.exposure import Exposure
+from mbinterval.exposure.exposure import Exposure
 
 from . import exact
 from .accumulation import slice_hits

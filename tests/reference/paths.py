@@ -16,9 +16,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from mbinterval.scene.exposure import Exposure
-from mbinterval.scene.mesh_exposure import MeshExposure
-from mbinterval.scene.poses import CameraPoses
+from mbinterval.exposure.exposure import Exposure
+from mbinterval.exposure.mesh_exposure import MeshExposure
+from mbinterval.exposure.poses import CameraPoses
 
 UV, NORMAL, COLOR, ALPHA = slice(0, 2), slice(2, 5), slice(5, 8), slice(8, 9)
 ATTRIBUTES = 9

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbinterval.scene.exposure import CameraPoses, Exposure
+from mbinterval.exposure.exposure import CameraPoses, Exposure
 
 from .hits import edge
 from .paths import Paths, paths_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mbinterval.scene.exposure import Exposure
+from mbinterval.exposure.exposure import Exposure
 
 from . import exact, triangulated
 from .hits import Samples, static_intervals

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbinterval.scene.exposure import Exposure
+from mbinterval.exposure.exposure import Exposure
 from mbinterval.scene.model import Light, Material, Texture
 
 from .hits import Samples

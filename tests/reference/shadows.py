@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbinterval.scene.exposure import Exposure
+from mbinterval.exposure.exposure import Exposure
 from mbinterval.scene.model import Light, Material
 
 from .paths import NORMAL, Paths, paths_of

@@ -11,7 +11,7 @@ from itertools import groupby
 
 import numpy as np
 
-from mbinterval.scene.exposure import Exposure
+from mbinterval.exposure.exposure import Exposure
 
 from . import exact
 from .paths import Intervals, Paths, paths_of

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import mbinterval as mb
-from mbinterval.scene.benchmark import read_benchmark
+from mbinterval.scene.formats.meshes.benchmark import read_benchmark
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "benchmark"
 COUNTS = (1, 4, 16, 64)

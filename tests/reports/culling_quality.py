@@ -11,7 +11,7 @@ from culling_measure import render, table, verdict
 from culling_papers import L11_FIGURE_1
 from culling_scenes import variant
 
-from mbinterval.images import write_png
+from mbinterval.files.images import write_png
 
 PATTERNS = ("interleave_uvt", "sobol", "jittered", "random")
 COUNTS = (4, 16, 64)

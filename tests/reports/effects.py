@@ -15,10 +15,10 @@ from pathlib import Path
 
 from gallery import FRAMES
 
-from mbinterval.bench import measure
-from mbinterval.bench_cases import Case, make_case
+from mbinterval.bench.bench import measure
+from mbinterval.bench.cases import Case, make_case
+from mbinterval.bench.meter import MeteredRuntime
 from mbinterval.device.choose import choose_device
-from mbinterval.device.meter import MeteredRuntime
 from mbinterval.study.costs import METHODS, active_effects
 from mbinterval.study.switches import SWITCHES
 

@@ -27,8 +27,8 @@ from gallery import FRAMES
 from numpy.typing import NDArray
 
 import mbinterval as mb
+from mbinterval.bench.meter import copy_bandwidth
 from mbinterval.device.choose import choose_device
-from mbinterval.device.meter import copy_bandwidth
 from mbinterval.device.runtime import Runtime
 from mbinterval.device.sources import kernel_root
 

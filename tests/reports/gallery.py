@@ -17,9 +17,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from mbinterval import cli
-from mbinterval.comparison import false_colour
-from mbinterval.film import Film
-from mbinterval.images import linear_to_srgb
+from mbinterval.comparison.comparison import false_colour
+from mbinterval.files.images import linear_to_srgb
+from mbinterval.film.film import Film
 from mbinterval.study.pictures import Gallery, worst_crop
 from mbinterval.study.report import read_study
 from mbinterval.study.run import reference_name

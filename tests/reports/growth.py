@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import mbinterval as mb
-from mbinterval.device.meter import clear_peak_memory, peak_memory
+from mbinterval.bench.meter import clear_peak_memory, peak_memory
 from mbinterval.scene.generators import dense_sphere, fast_cubes, ho17_cubes
 
 SETTINGS = mb.Settings(samples=1)

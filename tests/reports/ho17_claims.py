@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 import mbinterval as mb
-from mbinterval.images import write_png
-from mbinterval.scene.exposure import expose
+from mbinterval.exposure.exposure import expose
+from mbinterval.files.images import write_png
 from mbinterval.scene.generators import fast_cubes, ho17_cubes
 
 HERE = Path(__file__).resolve().parent

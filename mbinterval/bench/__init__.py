@@ -1,0 +1,1 @@
+"""Speed: seconds, work and error of the methods on scenes, measured and compared."""

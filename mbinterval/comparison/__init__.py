@@ -1,0 +1,1 @@
+"""How far films are from a reference, and whether noise explains it."""

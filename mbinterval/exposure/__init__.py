@@ -1,0 +1,1 @@
+"""What happens while the shutter is open: poses, motion segments, stretches and mirrors."""

@@ -1,0 +1,1 @@
+"""An exposure as the kernels read it: vertices, paths, looks and identities."""

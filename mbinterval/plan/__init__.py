@@ -1,0 +1,1 @@
+"""How an exposure is rendered: effects that are called for, stages, sizes and memory."""

@@ -1,0 +1,1 @@
+"""Rendering on the device: the methods, what they share, and the film that comes of it."""

@@ -1,0 +1,1 @@
+"""Readers of scene files, one package per format."""

@@ -1,0 +1,1 @@
+"""Scenes from mbinterval's own files: TOML, JSON and Python dicts."""

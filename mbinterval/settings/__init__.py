@@ -1,0 +1,1 @@
+"""How to render: every knob, its range, and what does not go together."""
