@@ -89,5 +89,5 @@ def claims() -> Iterator[str]:
     yield (
         f"- *W15: the linear bounds are conservative.* {verdict(most == 0.0)}: as printed they "
         f"lose up to {most:.1f} % of the hits of these scenes, and more than a tenth of a triangle "
-        "that grows about a pixel (`tests/test_stochastic_culling.py`)."
+        "that grows about a pixel (`tests/films/test_stochastic_culling.py`)."
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from import_graph import (
+from support.import_graph import (
     FACE,
     ORDER,
     against_order,
