@@ -162,6 +162,8 @@ def test_what_does_not_go_together_is_said_before_any_work(
     tmp_path, monkeypatch, capsys, arguments, message
 ):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MBINTERVAL_THREADS", "1")  # so that what --threads sets goes afterwards
+    monkeypatch.delenv("MBINTERVAL_THREADS")
     (tmp_path / "s.json").write_text("{}")
     assert cli.main(["render", "s.json", "-o", "a.exr", *arguments]) in (2, 4)
     assert message in capsys.readouterr().err
