@@ -58,14 +58,36 @@ def see(
 
 
 def see_nudged(
-    triangles: np.ndarray, x: np.ndarray, y: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Whether triangles are seen from samples at (x + eps, y + eps^2), and whether that is sure.
+    triangles: np.ndarray, x: np.ndarray, y: np.ndarray, on: float = 1e-9
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Depth of triangles at samples, whether they are seen, and whether that is sure.
 
-    It is not where two small numbers for eps give two answers.
+    Where a share is below ``on`` the sample is taken to lie on an edge, and counts as if it were at
+    (x + eps, y + eps^2): that is sure if two small numbers for eps give one answer, and nothing
+    else changes. It needs triangles whose edges are far steeper than eps, or level.
     """
-    first, second = (see(triangles, x + eps, y + eps * eps)[2] for eps in NUDGES)
-    return first, first == second
+    depth, shares, seen = see(triangles, x, y)
+    with np.errstate(invalid="ignore"):
+        close = ~(np.abs(shares) > on)
+    near = np.flatnonzero(close.any(axis=1))
+    sure = np.ones(len(x), bool)
+    answers = []
+    for eps in NUDGES:
+        _, moved, there = see(triangles[near], x[near] + eps, y[near] + eps * eps)
+        answers.append(there)
+        sure[near] &= (close[near] | ((moved > 0) == (shares[near] > 0))).all(axis=1)
+    seen[near] = answers[0]
+    sure[near] &= answers[0] == answers[1]
+    return depth, seen & (depth > 0.0), sure
+
+
+def see_clearly(
+    triangles: np.ndarray, x: np.ndarray, y: np.ndarray, on: float = 1e-9
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Likewise, but not sure where a sample may lie on an edge."""
+    depth, shares, seen = see(triangles, x, y)
+    with np.errstate(invalid="ignore"):
+        return depth, seen, ~((shares > -on).all(axis=1) & (shares <= on).any(axis=1))
 
 
 def is_front(triangles: np.ndarray) -> np.ndarray:
