@@ -62,11 +62,12 @@ def draw(
     xy, w = (np.concatenate(part) for part in zip(*parts, strict=True))
     order = rng.permutation(len(xy))[:count]
     xy, w = xy[order], w[order]
-    if rests:  # none is a line or a point all the time: rounding alone says what that covers
-        (ax, ay), (bx, by) = (xy[:, 0, 1:] - xy[:, 0, :1]).transpose(1, 2, 0)
-        size = ax**2 + ay**2 + bx**2 + by**2
-        flat = (np.abs(ax * by - ay * bx) < 1e-10 * size) | (size < 1e-12)
-        xy[flat] = xy[~flat][: np.count_nonzero(flat)] + 1.0
+    # None is a line or a point at an end: rounding alone says what that covers.
+    (ax, ay), (bx, by) = (xy[:, :, 1:] - xy[:, :, :1]).transpose(2, 3, 0, 1)
+    size = ax**2 + ay**2 + bx**2 + by**2
+    flat = ((np.abs(ax * by - ay * bx) < 1e-10 * size) | (size < 1e-12)).any(axis=1)
+    xy[flat] = xy[~flat][: np.count_nonzero(flat)] + 1.0
+    if rests:
         xy[0], w[0] = np.array([[-99, -99], [-99, 299], [299, -99]]), 2.0  # behind most of them
     # A corner in the eye would hide all else, or would not: the test of "solve" has such ones.
     w = np.where(np.abs(w) < 1e-4, np.copysign(1e-4, w), w)
