@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
 from kernels import numbers, options, run
@@ -93,13 +95,19 @@ def truth(
     return best, depth, doubt > depth * 1.01
 
 
+@lru_cache
+def case(corner: tuple[int, int]) -> tuple:
+    """Triangles, their circles, samples, and what these see."""
+    of = draw(corner[0] + 3, COUNT, corner, segments=True)
+    circle, drawn = 0.1 * circles(of, 3)[of.first], samples(corner[0])
+    return of, circle, drawn, truth(of, circle, corner, drawn)
+
+
 @pytest.mark.parametrize("cull", nightly_but(CULLS, "bbox", "best"))
 @pytest.mark.parametrize("corner", CORNERS)
 def test_samples_see_the_nearest_that_covers_them_at_their_time(corner, cull):
-    of = draw(corner[0] + 3, COUNT, corner, segments=True)
-    circle, drawn = 0.1 * circles(of, 3)[of.first], samples(corner[0])
+    of, circle, drawn, (path, w, sure) = case(corner)
     ours, depth = sampled(of, circle, corner, drawn, cull)
-    path, w, sure = truth(of, circle, corner, drawn)
     assert np.mean(sure) > 0.7
     assert np.array_equal((ours >= 0)[sure], (path >= 0)[sure])
     hit = np.flatnonzero(sure & (path >= 0))
