@@ -85,7 +85,8 @@ def draw(
         ]
     single = rng.random(count) < 0.5
     if rests:
-        points[:, 1], window[:] = points[:, 0], [0.0, 1.0]
+        points[:, 1] = points[:, 0]
+    window[(points[:, 0] == points[:, 1]).all(axis=(1, 2))] = [0.0, 1.0]  # rest is for always
     first = np.arange(count)
     again = np.arange(7, count, 8)
     points[again], window[again] = points[again - 1], window[again - 1]
