@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernels import run
+from reference.bernstein import evaluate
 from stage_lists import MANY, SAMPLES, draw, moments, records_of, solved, tables, within
 
 EQUAL = 1e-8
@@ -57,6 +59,21 @@ def test_spans_are_in_order_of_time_and_joined_and_weigh_their_length():
     other = found["source"][1:] != found["source"][:-1]
     assert np.all(other[follows & touches])
     assert np.count_nonzero(follows & touches) > SAMPLES
+
+
+def test_crossings_are_found_where_the_ends_differ_by_many_orders_of_magnitude():
+    """As they do where a triangle grows from a fiftieth of a pixel to the whole frame."""
+    rng = np.random.default_rng(8)
+    count = 1000
+    size = 10.0 ** rng.uniform(-8, 14, (count, 6))
+    first = rng.integers(1, 6, (count, 1))
+    c = np.where(np.arange(6) < first, -size, size) * rng.choice([-1.0, 1.0], (count, 1))
+    arrays = [c, np.uint32(count), np.zeros((count, 5)), np.zeros(count, np.int32)]
+    *_, roots, counts = run("quintic.cl", "quintics", arrays)
+    assert np.all(counts == 1)
+    before, after = (evaluate(c, roots[:, 0] + step) for step in (-2e-9, 2e-9))
+    assert np.all((before * c[:, 0] > 0) | (roots[:, 0] < 2e-9))
+    assert np.all((after * c[:, 5] > 0) | (roots[:, 0] > 1 - 2e-9))
 
 
 def test_a_full_pool_is_reported_and_nothing_is_written_beyond_it():
