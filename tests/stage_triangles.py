@@ -12,8 +12,6 @@ from reference.rays import at_time, is_front, see_clearly
 from mbinterval.device import records
 
 TILE = 16
-OFFSETS = np.array([[0.5, 0.5], [0.0, 0.0], [0.25, 0.75], [1.0 - 2.0**-24, 0.03125]])
-"""Places of four samples of a pixel."""
 
 
 @dataclass(frozen=True, eq=False)

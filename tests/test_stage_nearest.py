@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from kernels import options, run, slots_at
 from reference.rays import see, see_nudged
-from stage_triangles import OFFSETS, TILE, Triangles, draw, nearest_of, tables
+from stage_triangles import TILE, Triangles, draw, nearest_of, tables
 
 from mbinterval.device import records
 
 COUNT = 256
+OFFSETS = np.array([[0.5, 0.5], [0.0, 0.0], [0.25, 0.75], [1.0 - 2.0**-24, 0.03125]])
+"""Places of four samples of a pixel."""
+
 CORNERS = [(0, 0), (256, 16), (4080, 2160), (16368, 0)]
 
 
