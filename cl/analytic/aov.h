@@ -1,6 +1,6 @@
 // What a render finds besides its image: planes of 32-bit words, one for each channel, one after
-// the other in the order of mbinterval/film/aovs.py. The plan defines a macro for each layer that is
-// asked for; AOV_MESH is where both objects and materials come from.
+// the other in the order of mbinterval/film/aovs.py. Each layer that is asked for is an effect;
+// AOV_MESH is where both objects and materials come from.
 #ifndef MB_AOV_H
 #define MB_AOV_H
 

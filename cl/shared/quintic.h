@@ -80,9 +80,11 @@ static double quintic_only_root(const double *b)
 {
     double low = 0.0, high = 1.0, at_low = b[0], at_high = b[QUINTIC - 1];
     int stayed = 0;
-    for (int i = 0; i < 2 * QUINTIC_DEPTH && high - low > 1.0 / (1 << QUINTIC_DEPTH); i++) {
-        double t = i % 8 == 7 ? 0.5 * (low + high)
-                              : low + (high - low) * (at_low / (at_low - at_high));
+    for (int i = 0; high - low > 1.0 / (1 << QUINTIC_DEPTH); i++) {
+        // Where the ends differ by many orders of magnitude halving does what secants did not.
+        double t = i % 8 == 7 || i >= 2 * QUINTIC_DEPTH
+                       ? 0.5 * (low + high)
+                       : low + (high - low) * (at_low / (at_low - at_high));
         // Keep off the ends, so that the bracket closes from both sides.
         t = clamp(t, low + 0x1p-31, high - 0x1p-31);
         double value = quintic_at(b, t);

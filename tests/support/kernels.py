@@ -26,6 +26,9 @@ WRAPPERS = Path(__file__).resolve().parents[1] / "wrappers"
 DEFAULTS = {"TILE": 16, "LAYERS": 1, "MASK_BITS": 128}
 """What the plan defines for a scene with one sample per pixel and nothing at rest."""
 
+POINT_SIZES = {"TILE": None, "LAYERS": None, "MASK_BITS": None, "MOST_SLABS": 64, "CULL_TILE": 1}
+"""The sizes that point sampling has."""
+
 
 def options(*effects: str, **sizes: object) -> tuple[str, ...]:
     """Compiler options as a plan makes them; a size of None is left out."""
