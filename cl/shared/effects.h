@@ -3,8 +3,7 @@
 //
 // The host gives the option -DMB_LENS for LENS, and so on (KERNEL_EFFECTS in Python is this list).
 // What is not called for leaves no code. Options with numbers are sizes: TILE, MASK_BITS,
-// SHADOW_LIGHTS, MOST_SLABS, CULL_TILE, STRATA_U, STRATA_V, STRATA_T, FRAMELESS_PIXELS and
-// FRAMELESS_STEP.
+// SHADOW_LIGHTS, MOST_SLABS, STRATA_U, STRATA_V and STRATA_T.
 #ifndef MB_EFFECTS_H
 #define MB_EFFECTS_H
 
@@ -86,7 +85,7 @@
 #define SLICES_JITTERED() GIVEN(MB_SLICES_JITTERED) // slices are at random times
 #define SLICE_LINES() GIVEN(MB_SLICE_LINES) // slices look through lines across the lens
 #define REORDERED() GIVEN(MB_REORDERED) // samples of a slab are alike
-#define FRAMELESS() GIVEN(MB_FRAMELESS) // pixels see one of FRAMELESS_PIXELS parts of the shutter
+#define FRAMELESS() GIVEN(MB_FRAMELESS) // pixels see one of several parts of the shutter
 #define TEST_EDGES() GIVEN(MB_TEST_EDGES) // by edge functions over time
 #define SHADE_PIXEL() GIVEN(MB_SHADE_PIXEL) // a colour for each pixel and path
 #define SHADE_HYBRID() GIVEN(MB_SHADE_HYBRID) // of what does not move
@@ -105,6 +104,7 @@
 #define CULL_ZMIN() GIVEN(MB_CULL_ZMIN)
 #define CULL_ZMIN_STRATA() GIVEN(MB_CULL_ZMIN_STRATA)
 #define CULL_BEST() GIVEN(MB_CULL_BEST)
+#define CULL_TILES() GIVEN(MB_CULL_TILES) // in tiles of more than a pixel
 
 // The device's compiler.
 #define CLANG_BUILTINS() GIVEN(MB_CLANG_BUILTINS) // knows clang's built-in functions

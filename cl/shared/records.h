@@ -36,6 +36,8 @@ typedef struct {
     int event_steps;            // parts of the shutter that have a colour of their own
     int shadow_size, shadow_strata; // texels along an edge of a shadow map, and times of it
     float shadow_bias;          // texels
+    int cull_tile;              // pixels along an edge of the tiles that samples are culled in
+    int frameless, frameless_step; // parts of the shutter that pixels see, and from row to row
 } Numbers;
 
 // The tiles that are rendered in one go.

@@ -321,11 +321,12 @@ static Drawn draw_sample(const Tile *tile, int block, uint l, const Seeds *seeds
     draw_line(tile, l, seeds, &d);
 #endif
 #if FRAMELESS()
-    // Every FRAMELESS_PIXELS-th pixel sees its part of the shutter only.
+    // Every so many pixels see their own part of the shutter only.
+    int parts = tile->scene.numbers.frameless, step = tile->scene.numbers.frameless_step;
     LaneInts x = to_lane_ints(block_x(block)) + tile->x, y = to_lane_ints(block_y(block)) + tile->y;
-    LaneInts phase = (x + FRAMELESS_STEP * y) % FRAMELESS_PIXELS;
-    phase = phase < 0 ? phase + FRAMELESS_PIXELS : phase;
-    d.t = (to_lanes(phase) + d.t) * (1.0f / FRAMELESS_PIXELS);
+    LaneInts phase = (x + step * y) % parts;
+    phase = phase < 0 ? phase + parts : phase;
+    d.t = (to_lanes(phase) + d.t) * (1.0f / parts);
 #endif
     return d;
 }

@@ -23,6 +23,7 @@ NUMBERS = np.dtype(
     + [("shading_times", "i4"), ("anisotropy", "i4"), ("sample_spacing", "f4")]
     + [("most_intervals", "i4"), ("slices", "i4"), ("columns", "i4"), ("event_steps", "i4")]
     + [("shadow_size", "i4"), ("shadow_strata", "i4"), ("shadow_bias", "f4")]
+    + [("cull_tile", "i4"), ("frameless", "i4"), ("frameless_step", "i4")]
 )
 _PLACED = [("x", "i4"), ("y", "i4")]
 TILE_GRID = np.dtype(

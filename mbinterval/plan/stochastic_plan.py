@@ -64,6 +64,8 @@ def stochastic_plan(
         active |= {"SHADOW_MAP"}
     if settings.frameless > 1:
         active |= {"FRAMELESS"}
+    if settings.cull_tile > 1:
+        active |= {"CULL_TILES"}
     numbers = sampling_numbers(exposure, settings, width, height)
     numbers |= {
         "samples": samples,
@@ -73,6 +75,9 @@ def stochastic_plan(
         "shadow_size": settings.shadow_map or 0,
         "shadow_strata": settings.shadow_strata,
         "shadow_bias": settings.shadow_bias,
+        "cull_tile": settings.cull_tile,
+        "frameless": settings.frameless,
+        "frameless_step": _step(settings.frameless),
     }
     return Plan(
         width=width,
@@ -150,12 +155,8 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
 
 
 def _own_sizes(settings: Settings, active: Set[str]) -> dict[str, int]:
-    sizes = {"MOST_SLABS": SLABS, "CULL_TILE": settings.cull_tile}
+    sizes = {"MOST_SLABS": SLABS}
     samples = sample_count(settings)
-    if settings.frameless > 1:
-        sizes |= {
-            "FRAMELESS_PIXELS": settings.frameless, "FRAMELESS_STEP": _step(settings.frameless)
-        }  # fmt: skip
     if settings.cull == "pixar":
         along, times = pixar_strata(samples, "MOVING" in active, "LENS" in active)
         sizes |= {"STRATA_U": along, "STRATA_V": along, "STRATA_T": times}

@@ -65,7 +65,7 @@ def test_every_choice_that_is_given_is_in_the_plan():
         ({"pattern": "jittered", "samples": 12}, "-DMB_PATTERN_JITTERED"),
         ({"test": "edges"}, "-DMB_TEST_EDGES"),
         ({"statistics": True}, "-DMB_STATISTICS"),
-        ({"frameless": 4}, "-DFRAMELESS_PIXELS=4"),
+        ({"frameless": 4}, "-DMB_FRAMELESS"),
     ):
         settings = mb.Settings(method="stochastic", **values)
         plan = ready_for(CASES["shared edges"].make(), settings, *SIZE).plan

@@ -26,7 +26,7 @@ WRAPPERS = Path(__file__).resolve().parents[1] / "wrappers"
 DEFAULTS = {"TILE": 16, "LAYERS": 1, "MASK_BITS": 128}
 """What the plan defines for a scene with one sample per pixel and nothing at rest."""
 
-POINT_SIZES = {"TILE": None, "LAYERS": None, "MASK_BITS": None, "MOST_SLABS": 64, "CULL_TILE": 1}
+POINT_SIZES = {"TILE": None, "LAYERS": None, "MASK_BITS": None, "MOST_SLABS": 64}
 """The sizes that point sampling has."""
 
 

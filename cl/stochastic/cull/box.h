@@ -61,17 +61,27 @@ static Box screen_box(const Moving *m, const Stratum *s)
     return box;
 }
 
-// Tiles of CULL_TILE x CULL_TILE pixels: the middle of each lane's, and half of what its samples
-// span.
+// Pixels along an edge of the tiles that samples are culled in.
+static INLINED int cull_edge(const Tile *tile)
+{
+#if CULL_TILES()
+    return tile->scene.numbers.cull_tile;
+#else
+    return 1;
+#endif
+}
+
+// Of these tiles, the middle of each lane's, and half of what its samples span.
 static INLINED Lanes tile_middle(const Tile *tile, Lanes pixel)
 {
-    Lanes first = floor(pixel * (1.0f / CULL_TILE)) * CULL_TILE;
-    return first + (0.5f * (CULL_TILE - 1 + tile->reach_low + tile->reach_high) - HALF);
+    int edge = cull_edge(tile);
+    Lanes first = floor(pixel * (1.0f / edge)) * edge;
+    return first + (0.5f * (edge - 1 + tile->reach_low + tile->reach_high) - HALF);
 }
 
 static inline float tile_half(const Tile *tile)
 {
-    return 0.5f * (CULL_TILE - 1 + tile->reach_high - tile->reach_low) * (1.0f + 1e-6f);
+    return 0.5f * (cull_edge(tile) - 1 + tile->reach_high - tile->reach_low) * (1.0f + 1e-6f);
 }
 
 static INLINED LaneMask tiles_in_box(const Box *box, Lanes x, Lanes y, float half_size)

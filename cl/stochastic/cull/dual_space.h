@@ -1,5 +1,5 @@
-// Culling method "dual_space": bounds of (u, v) and of t for each pixel, or tile of CULL_TILE
-// pixels along an edge (Laine et al. 2011, 3.1 and 3.2). Here lens coordinates lie in [-1, 1], view
+// Culling method "dual_space": bounds of (u, v) and of t for each pixel, or tile of
+// `cull_tile` pixels along an edge (Laine et al. 2011, 3.1 and 3.2). Here lens coordinates lie in [-1, 1], view
 // directions gamma are pixels, and the middle of the tile is gamma = 0.
 //
 // On the lens: the box of all corners seen from u = -1 and that from u = 1; the box at any u lies
@@ -89,7 +89,7 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
     cull->box = screen_box(m, &everything);
     if (!trim_to_frame(tile, m, &cull->t_low, &cull->t_high)) return false;
     // The range of gamma: where the box lies in the frame, and a pixel at least.
-    const float room = CULL_TILE + 1.0f;
+    const float room = cull_edge(tile) + 1.0f;
     float left = clamp(cull->box.left, tile->frame.left, tile->frame.right) - room;
     float right = clamp(cull->box.right, tile->frame.left, tile->frame.right) + room;
     float top = clamp(cull->box.top, tile->frame.top, tile->frame.bottom) - room;
