@@ -121,10 +121,13 @@ def _check_end(file: BinaryIO, end: int) -> None:
 
 
 def _of_npz(file: BinaryIO) -> str:
-    import numpy as np
+    from mbinterval.files.arrays import read_arrays
 
-    with np.load(file, allow_pickle=False) as archive:
-        return _stated(json.loads(str(archive["metadata"]))) if "metadata" in archive else ""
+    try:
+        metadata = read_arrays(file, ("metadata",))["metadata"]
+    except KeyError:
+        return ""
+    return _stated(json.loads(str(metadata)))
 
 
 def _of_parquet(path: Path) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import socket
 import stat
 import threading
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +75,14 @@ def user_table(path):
     pyarrow.parquet.write_table(pyarrow.table({"x": [1, 2], "metadata": [3, 4]}), path)
 
 
+def archived(content, compression=zipfile.ZIP_STORED):
+    """A zip archive with ``metadata.npy``."""
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", compression) as file:
+        file.writestr("metadata.npy", content)
+    return archive.getvalue()
+
+
 def in_the_way(kind):
     """Files of somebody in place of one of ``kind``, by what they are."""
     assert render("-o", f"ours.{kind}") == 0
@@ -82,6 +92,13 @@ def in_the_way(kind):
     parts = {f"cut at {size}": ours[:size] for size in (1, 9, len(ours) // 2, len(ours) - 13)}
     zeros = ours[: len(ours) // 2].ljust(len(ours), b"\0")
     found = {"user's": Path(f"user.{kind}").read_bytes(), "text": text, **parts}
+    if kind == "npz":  # NumPy's and zip's own readers end with errors of other modules
+        header = b"{'descr': '<U3', 'fortran_order': False, 'shape': ("
+        found["broken header"] = archived(b"\x93NUMPY\1\0" + bytes([len(header), 0]) + header)
+        found["another packing"] = archived(b"", zipfile.ZIP_LZMA)
+        damaged = bytearray(found["another packing"])
+        damaged[damaged.index(b"metadata.npy") + 16] ^= 0xFF
+        found["damaged packing"] = bytes(damaged)
     # The table of an EXR's blocks stays; that one of them is empty only decoders know.
     return found | ({} if kind.endswith("exr") else {"zeros": zeros})
 
