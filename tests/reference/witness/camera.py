@@ -115,7 +115,7 @@ def _circles(
 def rays(
     camera: Any, poses: Poses, places: np.ndarray, lens: np.ndarray | None, size: tuple[int, int]
 ) -> list[Piece]:
-    """Rays of samples at ``places`` ``(G, P, 2)`` in pixels, through ``lens`` points, if it is open."""
+    """Rays of samples at ``places`` ``(G, P, 2)`` in pixels, through ``lens`` points if any."""
     width, height = size
     focal = (poses.focal * height)[:, None]
     x = (places[..., 0] - width / 2.0) / focal

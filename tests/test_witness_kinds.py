@@ -1,0 +1,45 @@
+"""One fixed scene of each kind agrees with the witness, which tells small errors of it.
+
+A shutter a hundredth late and a film that is 1 % brighter are told apart from noise in every kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from nightly import nightly_but
+from reference.witness.compare import LEVEL, compare
+from reference.witness.film import film
+from reference.witness.judge import judge
+from reference.witness.kinds import KINDS, kind_case
+from reference.witness.product import colors, films
+from reference.witness.scenes import SIZE, Case
+
+DAILY = ("textures", "shadows of a sun", "transparency", "glossy mirrors", "blades",
+         "rolling left or right", "layers of a moment", "environment behind")  # fmt: skip
+
+
+def late(case: Case) -> Case:
+    """With a shutter that is a hundredth of its length late."""
+    shutter = case.scene.shutter
+    length = shutter.close - shutter.open
+    if shutter.rolling is not None:
+        length = shutter.line_exposure * case.scene.fps
+    moved = replace(shutter, open=shutter.open + 0.01 * length, close=shutter.close + 0.01 * length)
+    return replace(case, scene=replace(case.scene, shutter=moved))
+
+
+@pytest.mark.parametrize("name", nightly_but(KINDS, *DAILY))
+def test_kind(name):
+    case = kind_case(name, 1)
+    given = films(case.scene, case.frame, SIZE, case.repeats, **case.settings)
+    result = compare(case, given=given)
+    assert result.agrees, result
+    shifted = late(case)
+    others = films(shifted.scene, case.frame, SIZE, case.repeats, **case.settings)
+    seen = film(case.scene, case.frame, SIZE, case.asked).rgba
+    allowed, rare = 5e-5, 2.0 / (case.asked.strata * case.asked.repeats)
+    assert judge(colors(others), seen, allowed, rare).p < LEVEL
+    assert judge(colors(given) * np.float64(1.01), seen, allowed, rare).p < LEVEL
