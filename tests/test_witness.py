@@ -10,7 +10,7 @@ import os
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import HealthCheck, Phase, given, seed, settings
 from nightly import nightly
 from reference.witness import camera, exposure, filters
 from reference.witness.around import shares
@@ -33,8 +33,9 @@ def found(recipe: Recipe) -> Result:
 def check(count: int, sets: int) -> None:
     @seed(18)
     @settings(
-        max_examples=count, deadline=None, database=None, suppress_health_check=list(HealthCheck)
-    )
+        max_examples=count, deadline=None, database=None, phases=(Phase.generate,),
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
     @given(recipes(sets))
     def every(recipe: Recipe) -> None:
         found(recipe)

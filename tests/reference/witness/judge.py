@@ -21,13 +21,14 @@ PATTERNS = 8
 class Verdict:
     """``p`` of equal expectations; ``rmse`` and ``worst`` of the difference of means, and what
 
-    noise alone would make of the RMSE; the worst pixel's place and what is there.
+    noise alone would make of the RMSE; the worst pixel's deviation, place and what is there.
     """
 
     p: float
     rmse: float
     noise: float
     worst: float
+    spread: float
     pixel: tuple[int, ...]
     values: tuple[float, float]
     by: str
@@ -46,7 +47,8 @@ def judge(
 
     ``allowed`` is a difference that is no error, of any pixel; where R is 1 the film has no noise.
     ``rare`` is the most that one of all a pixel's samples can change it by: what few samples see
-    may be missed by all repeats of one side, so that nothing tells its variance.
+    may be missed by all repeats of one side, so that nothing tells its variance. Of a tile it is a
+    quarter of that, which is where an edge of what is missed leads through it.
     """
     sides = [np.asarray(side, np.float64) for side in (given, witness)]
     means = [side.mean(axis=0) for side in sides]
@@ -62,7 +64,7 @@ def judge(
         if size == 1:
             spread, df = _pooled(spread), 9 * degrees
         slack = np.broadcast_to(allowed, difference.shape)
-        slack = _tiles(slack, size) + (rare if size == 1 else 0.0)
+        slack = _tiles(slack, size) + {1: rare, 4: rare / 4.0}.get(size, 0.0)
         found.append((_smallest(away, spread, slack, df), name))
     rng = np.random.default_rng(7)
     signs = rng.choice([-1.0, 1.0], size=(PATTERNS, *difference.shape[:2], 1))
@@ -77,6 +79,7 @@ def judge(
         rmse=float(np.sqrt(np.mean(difference**2))),
         noise=float(np.sqrt(np.mean(variance))),
         worst=float(np.abs(difference[place])),
+        spread=float(np.sqrt(variance[place])),
         pixel=(int(place[1]), int(place[0]), int(place[2])),
         values=(float(means[0][place]), float(means[1][place])),
         by=by,

@@ -67,4 +67,6 @@ def kind_case(name: str, seed: int, strata: int = 64, repeats: int = 24) -> Case
     if settings.get("method") == "accumulation":
         settings["slices"] = strata
     asked = Asked(**vars(case.asked) | {"strata": strata, "repeats": repeats})
-    return replace(case, settings=settings, asked=asked, repeats=min(case.repeats, repeats))
+    return replace(
+        case, settings=settings, asked=asked, repeats=1 if case.repeats == 1 else repeats
+    )

@@ -173,13 +173,13 @@ class _Builder:
             shutter=self.shutter(),
             environment=self.environment(),
         )
-        settings: dict[str, Any] = {"shading_error": 5e-4, "samples": 16, "pattern": "sobol"}
-        repeats = 24
+        settings: dict[str, Any] = {"shading_error": 5e-4, "samples": 32, "pattern": "sobol"}
+        repeats = 8
         if e.method == "stochastic":
-            settings |= {"method": "stochastic", "samples": 16}
+            settings |= {"method": "stochastic", "samples": 32}
             del settings["shading_error"]
         elif e.method == "accumulation":
-            settings |= {"method": "accumulation", "slices": 16, "slice_times": "jittered"}
+            settings |= {"method": "accumulation", "slices": 32, "slice_times": "jittered"}
             del settings["shading_error"]
         if e.sampling == "centre":
             settings |= {"samples": 1, "pattern": "fixed"}
@@ -197,7 +197,7 @@ class _Builder:
             }[e.layers]  # fmt: skip
         centre = e.sampling == "centre"
         asked = Asked(
-            strata=16, repeats=24, centre=centre, filter="box" if centre else e.sampling,
+            strata=16, repeats=16, centre=centre, filter="box" if centre else e.sampling,
             depths=THICK if e.layers == "deep" else (), seed=int(self.rng.integers(1 << 30)),
         )  # fmt: skip
         return Case(scene, self.frame, settings, repeats, asked, self.allowed())
