@@ -41,14 +41,19 @@ class Verdict:
 
 
 def judge(
-    given: np.ndarray, witness: np.ndarray, allowed: np.ndarray | float = 0.0, rare: float = 0.0
+    given: np.ndarray,
+    witness: np.ndarray,
+    allowed: np.ndarray | float = 0.0,
+    rare: float = 0.0,
+    along: np.ndarray | None = None,
 ) -> Verdict:
     """Compare repeats ``(R, H, W, C)`` of a film with the witness's ``(S, H, W, C)``.
 
     ``allowed`` is a difference that is no error, of any pixel; where R is 1 the film has no noise.
     ``rare`` is the most that one of all a pixel's samples can change it by: what few samples see
     may be missed by all repeats of one side, so that nothing tells its variance. Of a tile it is a
-    quarter of that, which is where an edge of what is missed leads through it.
+    quarter of that, which is where an edge of what is missed leads through it. ``along`` ``(H, W,
+    C)`` is a difference that is looked for besides.
     """
     sides = [np.asarray(side, np.float64) for side in (given, witness)]
     means = [side.mean(axis=0) for side in sides]
@@ -72,6 +77,13 @@ def judge(
     away = sums[0].mean(axis=0) - sums[1].mean(axis=0)
     slack = np.broadcast_to(allowed, difference.shape).mean(axis=(0, 1))
     found.append((_smallest(away, sum(_variance(s) for s in sums), slack, degrees), "a pattern"))
+    if along is not None:
+        shape = along / np.abs(along).sum()
+        sums = [np.einsum("rhwc,hwc->r", side, shape) for side in sides]
+        away = np.atleast_1d(sums[0].mean() - sums[1].mean())
+        spread = np.atleast_1d(sum(_variance(s) for s in sums))
+        slack = np.sum(np.broadcast_to(allowed, difference.shape) * np.abs(shape))
+        found.append((_smallest(away, spread, slack, degrees), "the error that is asked for"))
     p, by = min(found)
     place = np.unravel_index(np.abs(difference).argmax(), difference.shape)
     return Verdict(
