@@ -102,7 +102,10 @@ class Shutter(Frozen):
         )
 
     def keys(self) -> Float64:
-        """``(n, 2)`` times and openings, both in [0, 1], between which the curve is linear."""
+        """``(n, 2)`` times and openings, both in [0, 1], between which the curve is linear.
+
+        Its ends are at 0 and 1. A trapezoid that opens or closes at once has one corner there.
+        """
         if not isinstance(self.curve, str):
             times = np.linspace(0.0, 1.0, len(self.curve))
             return np.stack([times, np.array(self.curve)], axis=1)
@@ -111,7 +114,11 @@ class Shutter(Frozen):
         elif self.curve == "triangle":
             values = [(0.0, 0.0), (0.5, 1.0), (1.0, 0.0)]
         else:
-            values = [(0.0, 0.0), (self.opening, 1.0), (1.0 - self.closing, 1.0), (1.0, 0.0)]
+            values = [(self.opening, 1.0), (1.0 - self.closing, 1.0)]
+            if self.opening > 0.0:
+                values.insert(0, (0.0, 0.0))
+            if self.closing > 0.0:
+                values.append((1.0, 0.0))
         return np.array(values)
 
     def window(self, fps: float, lines: int) -> tuple[float, float]:
