@@ -13,6 +13,7 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 """Benchmarks and larger models, which are no part of the repository."""
 
 LONG = (
+    *("witness", "witness_kinds"),
     *("packaging", "shadows", "stochastic_culling", "mirrors", "transparency", "exact_films"),
     *("environment", "aovs", "stochastic_agreement", "all_effects", "shutter_lens", "study"),
     *("transparency_stochastic", "glossy_mirrors", "hypothesis_scenes", "farm", "recommend"),

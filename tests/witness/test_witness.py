@@ -1,6 +1,6 @@
 """Scenes that combine effects at random, against the witness (``tests/reference/witness``).
 
-``MB_WITNESS=10000`` tries so many, of 400 sets of effects; 300 of 12 sets are tried each time. A
+``MB_WITNESS=10000`` tries so many, of 400 sets of effects; 300 of 8 sets are tried each time. A
 scene is a `Recipe`, effects and a seed, which a failure prints: what was found is kept in ``KEPT``.
 """
 
@@ -20,7 +20,7 @@ from reference.witness.product import Camera, Mesh, Scene, Shutter
 from reference.witness.scenes import Effects, Recipe, build, recipes
 from support.nightly import nightly
 
-DAILY, DAILY_SETS = 300, 12
+DAILY, DAILY_SETS = 300, 8
 NIGHTLY, NIGHTLY_SETS = int(os.environ.get("MB_WITNESS", "10000")), 400
 
 
