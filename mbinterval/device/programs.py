@@ -49,6 +49,10 @@ class Program:
     parameters: Mapping[str, Parameters]
 
 
+class _NoKernelError(KernelBuildError):
+    """A program was built, and a kernel of it cannot be made."""
+
+
 class Programs:
     """Programs of one context and device, each built once and shared between threads.
 
@@ -89,7 +93,7 @@ class Programs:
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always")
                     program = self._built(source, flags)
-            except cl.RuntimeError as error:
+            except (cl.LogicError, cl.RuntimeError) as error:
                 log = str(error).replace(include_folder(), str(kernel_root()))
                 raise KernelBuildError(
                     f"kernel file {file} does not build for device {self._device.name.strip()!r} "
@@ -120,9 +124,9 @@ class Programs:
             with _building, warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 self._built(_PROBE, ["-cl-std=CL1.2", "-cl-kernel-arg-info"])
-        except cl.LogicError:
+        except _NoKernelError:
             return False  # Oclgrind compiles it, but knows no such instructions
-        except cl.RuntimeError as error:
+        except (cl.LogicError, cl.RuntimeError) as error:
             if "__builtin_" in str(error):
                 return False
             raise KernelBuildError(
@@ -198,9 +202,17 @@ def _with_parameters(program: Any) -> Program:
     cl = opencl()
     info, found = cl.kernel_arg_info, {}
     for name in program.get_info(cl.program_info.KERNEL_NAMES).split(";"):
-        kernel = cl.Kernel(program, name)
-        found[name] = tuple(
-            (kernel.get_arg_info(place, info.NAME), kernel.get_arg_info(place, info.TYPE_NAME))
-            for place in range(kernel.num_args)
-        )
+        try:
+            kernel = cl.Kernel(program, name)
+        except cl.LogicError as error:
+            raise _NoKernelError(f"kernel {name} was built, and cannot be made: {error}") from None
+        try:
+            found[name] = tuple(
+                (kernel.get_arg_info(place, info.NAME), kernel.get_arg_info(place, info.TYPE_NAME))
+                for place in range(kernel.num_args)
+            )
+        except cl.Error as error:
+            raise KernelBuildError(
+                f"the device tells nothing of kernels' arguments: kernel {name}: {error}"
+            ) from None
     return Program(program, found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import operator
 import threading
 from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -62,7 +63,8 @@ class Runtime:
     def __init__(self, device: Any) -> None:
         cl = opencl()
         self.device = device
-        self.context = cl.Context([device])
+        with _device_errors("the context"):
+            self.context = cl.Context([device])
         self._programs = Programs(self.context, device)
         self._built: dict[tuple[str, tuple[str, ...]], Program] = {}
         self._building = threading.Lock()
@@ -77,9 +79,10 @@ class Runtime:
         """The thread's in-order queue, with profiling."""
         if self._local.queue is None:
             cl = opencl()
-            self._local.queue = cl.CommandQueue(
-                self.context, properties=cl.command_queue_properties.PROFILING_ENABLE
-            )
+            with _device_errors("the queue"):
+                self._local.queue = cl.CommandQueue(
+                    self.context, properties=cl.command_queue_properties.PROFILING_ENABLE
+                )
         return self._local.queue
 
     def kernel(self, file: str, name: str, options: Iterable[str] = ()) -> Kernel:
@@ -88,7 +91,8 @@ class Runtime:
         kernels = self._local.kernels
         if (key, name) not in kernels:
             built = self._program(*key)
-            handle = opencl().Kernel(built.program, name)
+            with _device_errors(f"kernel {name}"):
+                handle = opencl().Kernel(built.program, name)
             kernels[key, name] = Kernel(handle, name, built.parameters[name])
         return kernels[key, name]
 
@@ -201,11 +205,16 @@ def _argument(kernel: str, name: str, kind: str, arguments: Mapping[str, Any]) -
         if f"{given.kind}*" != kind:
             raise TypeError(f"kernel {kernel} takes {kind} {name}, not an array of {given.kind}")
         return given.buffer
-    element = records.element(kind)
-    if element.names is None:
-        return element.type(given)
-    if getattr(given, "dtype", None) != element:
-        raise TypeError(f"kernel {kernel} takes {kind} {name}, not {given!r}")
+    try:
+        if kind.endswith("*"):
+            raise TypeError
+        element = records.element(kind)
+        if element.names is None:
+            return element.type((float if element.kind == "f" else operator.index)(given))
+        if given.dtype != element:
+            raise TypeError
+    except (AttributeError, OverflowError, TypeError, ValueError):
+        raise TypeError(f"kernel {kernel} takes {kind} {name}, not {given!r}") from None
     return given
 
 

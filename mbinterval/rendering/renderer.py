@@ -136,7 +136,8 @@ def _render(
         check_memory(ready.motion, ready.plan, memory)
         pixels = run(on, ready, progress)
     except BaseException:
-        on.queue.finish()  # kernels in flight use buffers that go with the interrupted frames
+        with suppress(MbintervalError):  # of a device that is gone, the first error says so
+            on.finish()  # kernels in flight use buffers that go with the interrupted frames
         raise
     return Film(
         deep=pixels.deep,

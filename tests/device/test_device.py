@@ -148,6 +148,57 @@ def test_a_kernel_that_does_not_build_raises_with_file_options_and_log(tmp_path)
     assert KernelBuildError.exit_code == 4
 
 
+class Gone(cl.RuntimeError):
+    """What OpenCL raises then."""
+
+    code = cl.status_code.DEVICE_NOT_AVAILABLE
+
+
+class Dead:
+    """What OpenCL has of a device that is gone: nothing can be made or done."""
+
+    def __getattr__(self, name):
+        def fail(*_, **__):
+            raise Gone(f"{name} failed: DEVICE_NOT_AVAILABLE")
+
+        return fail
+
+
+def test_a_device_that_dies_in_a_render_is_a_device_error(monkeypatch):
+    monkeypatch.setattr(Runtime, "queue", Dead())
+    monkeypatch.setattr(cl, "enqueue_copy", Dead().enqueue_copy)
+    monkeypatch.setattr(cl, "enqueue_nd_range_kernel", Dead().enqueue_kernel)
+    with pytest.raises(DeviceError, match=r"the device failed: enqueue\w+ failed"):
+        mb.render(scene([]), width=8, height=8)
+
+
+@pytest.mark.parametrize("of", ["Context", "CommandQueue", "Kernel"])
+def test_a_device_that_is_gone_before_is_a_device_error(of, monkeypatch, tmp_path):
+    file = tmp_path / "three.cl"
+    file.write_text("kernel void three(global int *p) { p[0] = 3; }\n")
+    made = Runtime(choose_device())
+    made._program(str(file), ())
+    monkeypatch.setattr(cl, of, getattr(Dead(), of))
+    use = {
+        "Context": lambda: Runtime(choose_device()),
+        "CommandQueue": lambda: made.queue,
+        "Kernel": lambda: made.kernel(str(file), "three"),
+    }
+    with pytest.raises(DeviceError, match=f"the device failed: {of} failed"):
+        use[of]()
+
+
+def test_a_device_that_tells_nothing_of_arguments_is_one_that_builds_no_kernel(monkeypatch):
+    for error in (cl.LogicError, cl.RuntimeError):
+
+        def fail(*_, error=error):
+            raise error("KERNEL_ARG_INFO_NOT_AVAILABLE")
+
+        monkeypatch.setattr(cl.Kernel, "get_arg_info", fail)
+        with pytest.raises(KernelBuildError, match="nothing of kernels' arguments"):
+            Runtime(choose_device())
+
+
 def test_a_runtime_is_shared_by_device_and_programs_are_built_once(tmp_path):
     device = choose_device()
     assert runtime(device) is runtime() is runtime(runtime())

@@ -62,14 +62,14 @@ def text_of(file: str) -> str:
 
 def test_a_name_is_of_one_kind_in_all_kernels():
     """But for those that stand for something else in each kernel."""
-    own = {"given", "size", "texels", "colors", "depths", "samples"}
+    own = {"given", "depths", "grid"}
     kinds: dict[str, set[str]] = {}
     for _, _, text in signatures():
         for name, kind in parameters(text).items():
             kinds.setdefault(name, set()).add(kind)
     assert len(kinds) > 80
     several = {name for name, found in kinds.items() if len(found) > 1}
-    assert several <= own | {"grid", "frame", "film"}
+    assert several == own
 
 
 def test_every_kind_is_one_that_the_host_knows():
@@ -110,14 +110,17 @@ def test_what_is_missing_or_of_another_kind_is_refused_by_name(tmp_path):
     file = tmp_path / "takes.cl"
     file.write_text(
         '#include "shared/records.h"\n'
-        "kernel void takes(global const Vertex *vertices, uint count, Frame frame) {}\n"
+        "kernel void takes(global const Vertex *vertices, uint count, Frame frame,\n"
+        "                  float share) {}\n"
     )
     device = runtime()
     kernel = device.kernel(str(file), "takes")
-    assert kernel.parameters == (("vertices", "Vertex*"), ("count", "uint"), ("frame", "Frame"))
+    kinds = {"vertices": "Vertex*", "count": "uint", "frame": "Frame", "share": "float"}
+    assert dict(kernel.parameters) == kinds
     right = {
         "vertices": device.allocate("Vertex", 2),
         "count": 3,
+        "share": 1,
         "frame": records.pack("Frame", x=0, y=0, width=1, height=1, background=0.0),
         "more": device.allocate("uint", 1),
     }
@@ -126,7 +129,13 @@ def test_what_is_missing_or_of_another_kind_is_refused_by_name(tmp_path):
         "vertices": device.allocate("Path", 2),
         "frame": np.zeros(1, records.TILE_GRID),
     }
-    for name, given in wrong.items():
+    numbers = {
+        "vertices": (3, 3.0, None, np.zeros(2, records.VERTEX)),
+        "count": (3.7, 3.0, -1, 1 << 32, "3", None, np.zeros(2, np.uint32)),
+        "frame": (3, None, np.zeros(1, np.float32)),
+        "share": ("half", None, np.zeros(2, np.float32), right["frame"]),
+    }
+    for name, given in (*wrong.items(), *((n, v) for n, each in numbers.items() for v in each)):
         with pytest.raises(TypeError, match=f"kernel takes takes .*{name}, not"):
             device.run(kernel, 1, {**right, name: given})
     for name in ("vertices", "count", "frame"):
