@@ -132,7 +132,7 @@ def format_of(path: str | Path) -> Format:
     """
     if not isinstance(path, str | Path):
         raise UsageError(f"{shown(path)}: expected the path of a file")
-    ending, name = Path(path).suffix, str(path).lower()
+    ending, name = Path(path).suffix, Path(path).name.lower()
     found = [kind for kind in FORMATS if ending and name.endswith(kind.ending)]
     if not found:
         has = f"unknown ending {ending!r}" if ending else "no ending"

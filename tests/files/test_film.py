@@ -46,6 +46,13 @@ def test_an_exr_reads_back_equal(tmp_path):
     assert back.metadata == expected
 
 
+def test_a_path_that_ends_like_a_folders_is_the_files(tmp_path):
+    film = make_film()
+    path = film.write(f"{tmp_path}/a.EXR/")
+    assert path.is_file()
+    assert_same_pixels(film, Film.read(path))
+
+
 def test_a_crop_keeps_its_place_in_the_frame(tmp_path):
     film = make_film(resolution=(1024, 768), origin=(100, 200))
     back = Film.read(film.write(tmp_path / "a.exr"))
