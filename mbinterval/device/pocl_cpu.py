@@ -79,8 +79,6 @@ _WIDE = {
 
 _names: dict[str, ctypes.Array[ctypes.c_char]] = {}
 """Names handed to PoCL; it keeps the pointers as long as the process lives."""
-_given: dict[int, str] = {}
-"""The names that devices were given."""
 
 
 def name_cpu(device: Any) -> str | None:
@@ -111,12 +109,6 @@ def name_cpu(device: Any) -> str | None:
             )
         return None
     return name
-
-
-def build_options(device: Any) -> list[str]:
-    """Options that tell kernels compiled for different names apart in PoCL's cache."""
-    name = _given.get(device.int_ptr)
-    return [f"-DPOCL_CPU={name}"] if name else []
 
 
 def _chosen(own: str, libraries: list[_Library]) -> str | None:
@@ -190,7 +182,6 @@ def _write(record: int, name: str) -> bool:
     if name not in _names:
         _names[name] = ctypes.create_string_buffer(name.encode())
     ctypes.c_void_p.from_address(slot).value = ctypes.addressof(_names[name])
-    _given[record] = name
     return True
 
 

@@ -6,7 +6,6 @@ An animated `Camera` is evaluated at the times that an exposure asks for; what i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from mbinterval.errors import SceneError
 from mbinterval.scene import field_values
 from mbinterval.scene.camera import Camera
 from mbinterval.scene.field_values import LARGEST
-from mbinterval.scene.tracks import Track
+from mbinterval.scene.tracks import value_at
 
 Float64 = NDArray[np.float64]
 
@@ -64,9 +63,9 @@ def camera_poses(camera: Camera, frames: Float64, aspect: float) -> CameraPoses:
                 raise SceneError("camera: its transform is not finite; check the scale keys")
             rotation = axes / lengths
         else:
-            eye = _keyed(camera.position, frame)
-            target = None if camera.look_at is None else _keyed(camera.look_at, frame)
-            rotation = _looking(eye, target, _keyed(camera.up, frame))
+            eye = value_at(camera.position, frame)
+            target = None if camera.look_at is None else value_at(camera.look_at, frame)
+            rotation = _looking(eye, target, value_at(camera.up, frame))
         eyes.append(eye)
         rotations.append(rotation)
         focals.append(_focal(camera, frame, aspect))
@@ -75,10 +74,6 @@ def camera_poses(camera: Camera, frames: Float64, aspect: float) -> CameraPoses:
         focuses.append(focus)
     lens = np.array(apertures), np.array(focuses)
     return CameraPoses(np.array(eyes), np.array(rotations), np.array(focals), *lens)
-
-
-def _keyed(value: Any, frame: float) -> Float64:
-    return value.at(frame) if isinstance(value, Track) else np.asarray(value, dtype=np.float64)
 
 
 def _looking(eye: Float64, target: Float64 | None, up: Float64) -> Float64:
@@ -98,10 +93,13 @@ def _looking(eye: Float64, target: Float64 | None, up: Float64) -> Float64:
 def _focal(camera: Camera, frame: float, aspect: float) -> float:
     """Focal length as a fraction of the image's height."""
     if camera.focal_length is None:
-        fov = 45.0 if camera.fov is None else float(_keyed(camera.fov, frame))
+        fov = 45.0 if camera.fov is None else float(value_at(camera.fov, frame))
         focal, height = 0.5, float(np.tan(np.radians(fov) / 2.0))
     else:
-        focal, height = float(_keyed(camera.focal_length, frame)), camera.vertical_aperture or 24.0
+        focal, height = (
+            float(value_at(camera.focal_length, frame)),
+            camera.vertical_aperture or 24.0,
+        )
         if camera.vertical_aperture is None and camera.horizontal_aperture is not None:
             focal, height = focal * aspect, camera.horizontal_aperture
     if not height / LARGEST <= focal <= height * LARGEST:
@@ -120,8 +118,8 @@ def _lens(camera: Camera, frame: float, focal: float) -> tuple[float, float]:
     if camera.focal_length is None:
         millimetres = focal * 24.0
     else:
-        millimetres = float(_keyed(camera.focal_length, frame))
-    f_stop = float(_keyed(camera.f_stop, frame))
+        millimetres = float(value_at(camera.focal_length, frame))
+    f_stop = float(value_at(camera.f_stop, frame))
     with np.errstate(over="ignore"):
         radius = float(np.float64(millimetres * 1e-3) / camera.meters_per_unit / f_stop / 2.0)
     if radius > LARGEST:
@@ -129,4 +127,4 @@ def _lens(camera: Camera, frame: float, focal: float) -> tuple[float, float]:
             f"{field_values.named('camera', camera.name)}: focal length, f_stop and "
             f"meters_per_unit make a lens of {radius:.3g} units, which float32 can't hold"
         )
-    return radius, float(_keyed(camera.focus_distance, frame))
+    return radius, float(value_at(camera.focus_distance, frame))

@@ -109,7 +109,10 @@ def _stochastic_scratch(plan: Plan) -> dict[str, tuple[str, int]]:
 
 def scratch_bytes(plan: Plan) -> int:
     """Return the bytes of a work-item's scratch."""
-    return sum(records.element(kind).itemsize * count for kind, count in scratch(plan).values())
+    return sum(
+        records.element(kind, plan.active).itemsize * count
+        for kind, count in scratch(plan).values()
+    )
 
 
 def pools(plan: Plan) -> dict[str, str]:

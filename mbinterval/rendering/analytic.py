@@ -29,6 +29,7 @@ from mbinterval.plan.sampling import reach_of
 from mbinterval.rendering.recorder import Recorder, collectors_of
 from mbinterval.rendering.shadows import prepare_shadows
 from mbinterval.rendering.shared_steps import (
+    PATHS_PER_ITEM,
     Pixels,
     Work,
     frame_record,
@@ -37,8 +38,6 @@ from mbinterval.rendering.shared_steps import (
     transform_vertices,
 )
 from mbinterval.rendering.tiles import render_tiles
-
-_PATHS_PER_ITEM = 256
 
 
 def render_analytic(
@@ -105,7 +104,7 @@ def _run_paths(work: Work, motion: Motion) -> None:
     if count == 0:
         return
     options = work.plan.flags("EXACT", "GLOSSY", "LENS")
-    items = -(-count // _PATHS_PER_ITEM)
+    items = -(-count // PATHS_PER_ITEM)
     event = work.run("analytic/paths.cl", "paths", options, items, count=count)
     work.timings["paths"] += seconds(event)
 

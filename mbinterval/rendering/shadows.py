@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mbinterval.device import records
 from mbinterval.device.runtime import DeviceArray, seconds
 from mbinterval.layout.appearance import casting
-from mbinterval.rendering.shared_steps import Lists, Work, check_members
+from mbinterval.rendering.shared_steps import PATHS_PER_ITEM, Lists, Work, check_members
 
 if TYPE_CHECKING:
     from mbinterval.layout.motion import Motion
@@ -31,7 +31,6 @@ _SIZES = (256, 8)  # of a view in tiles along its edge, at most and at least
 _MEMBERS = 1 << 22  # paths that the tiles of a view list together, more or less
 _MARGIN = 1.001  # of a view beyond what it is for
 _ROUNDING = 1e-3  # of a tile: more than planes in float32 are wrong by
-_PATHS_PER_ITEM = 256
 
 
 def world_positions(motion: Motion, origin: Float64) -> Float64:
@@ -251,7 +250,7 @@ def _list_view(
     vertices = world_vertices(seen[:, :3] * [size, size, 1.0])
     shapes = runtime.allocate("Shape", count, "shapes")
     event = work.run(
-        *("analytic/paths.cl", "paths", (), -(-count // _PATHS_PER_ITEM)),
+        *("analytic/paths.cl", "paths", (), -(-count // PATHS_PER_ITEM)),
         count=count,
         vertices=runtime.upload("Vertex", vertices, "vertices"),
         materials=materials,

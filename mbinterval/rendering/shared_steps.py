@@ -35,6 +35,8 @@ _PLACES = {"maps": "CubeMap", "map_texels": "float4", "sky": "Sky"} | dict.fromk
 """Kinds of what `Motion` has in ``places``."""
 
 _BIN_CHUNKS = 64
+PATHS_PER_ITEM = 256
+"""Paths that a work-item of "paths" or "bounds" is for, as the kernels have it."""
 SECONDS_AT_A_TIME = 0.5
 _FIRST_LOAD = 100_000  # paths of tiles times samples: a fifth of a second, more or less
 

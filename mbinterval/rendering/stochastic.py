@@ -23,6 +23,7 @@ from mbinterval.plan.sampling import reach_of
 from mbinterval.plan.stochastic_plan import sample_count
 from mbinterval.rendering.shadow_tree import prepare_rays
 from mbinterval.rendering.shared_steps import (
+    PATHS_PER_ITEM,
     Pixels,
     Work,
     add_counts,
@@ -43,7 +44,6 @@ _COUNTS = (
     *("bounded", "visited", "stage1", "tests", "hits", "depth_tests"),
     *("texels", "texel_lines"),
 )
-_PATHS_PER_ITEM = 256
 
 
 def render_stochastic(
@@ -78,7 +78,7 @@ def _run_bounds(work: Work, motion: Motion) -> None:
     work.timings["bounds"] = 0.0
     if count == 0:
         return
-    options, items = work.plan.flags("GLOSSY"), -(-count // _PATHS_PER_ITEM)
+    options, items = work.plan.flags("GLOSSY"), -(-count // PATHS_PER_ITEM)
     event = work.run("stochastic/bounds.cl", "bounds", options, items)
     work.timings["bounds"] = seconds(event)
 

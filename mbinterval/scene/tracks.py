@@ -221,8 +221,10 @@ class Transform(Frozen):
 
     def _local(self, frame: float) -> Float64:
         local = np.eye(4)
-        local[:3, :3] = quaternion_matrix(_value(self.rotation, frame)) * _value(self.scale, frame)
-        local[:3, 3] = _value(self.translation, frame)
+        local[:3, :3] = quaternion_matrix(value_at(self.rotation, frame)) * value_at(
+            self.scale, frame
+        )
+        local[:3, 3] = value_at(self.translation, frame)
         return local if self.matrix is None else local @ self.matrix
 
 
@@ -280,7 +282,8 @@ def _affine(value: Any) -> Float64:
     return matrix
 
 
-def _value(value: Track | tuple[float, ...], frame: float) -> Float64:
+def value_at(value: Any, frame: float) -> Float64:
+    """Return a value at ``frame``: a track's, or the one that is always there, as an array."""
     return value.at(frame) if isinstance(value, Track) else np.asarray(value, dtype=np.float64)
 
 
