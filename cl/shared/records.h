@@ -38,6 +38,7 @@ typedef struct {
     float shadow_bias;          // texels
     int cull_tile;              // pixels along an edge of the tiles that samples are culled in
     int frameless, frameless_step; // parts of the shutter that pixels see, and from row to row
+    int strata_lens, strata_time; // parts of each axis of the lens, and of time, to cull by
 } Numbers;
 
 // The tiles that are rendered in one go.

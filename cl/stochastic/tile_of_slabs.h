@@ -23,6 +23,9 @@
 #define BLOCKS 16
 #define HALF (TILE / 2)
 #define SLAB (BLOCKS * LANES) // samples of a slab
+#ifndef MOST_SLABS
+#define MOST_SLABS 64 // that are worked on at a time, SLABS of the plan
+#endif
 
 // Pixels whose tiles were bounded; samples that were looked at, passed each stage of culling, were
 // tested, were hit, and were compared in depth; texels that were asked for, and lines of them that

@@ -24,6 +24,7 @@ NUMBERS = np.dtype(
     + [("most_intervals", "i4"), ("slices", "i4"), ("columns", "i4"), ("event_steps", "i4")]
     + [("shadow_size", "i4"), ("shadow_strata", "i4"), ("shadow_bias", "f4")]
     + [("cull_tile", "i4"), ("frameless", "i4"), ("frameless_step", "i4")]
+    + [("strata_lens", "i4"), ("strata_time", "i4")]
 )
 _PLACED = [("x", "i4"), ("y", "i4")]
 TILE_GRID = np.dtype(

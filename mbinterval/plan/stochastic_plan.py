@@ -22,7 +22,10 @@ if TYPE_CHECKING:
     from mbinterval.layout.motion import Motion
 
 SLABS = 64
-"""Samples of a pixel that a tile works on at a time: their arrays stay in the cache of one core."""
+"""Samples of a pixel that a tile works on at a time: their arrays stay in the cache of one core.
+
+The kernels have it as MOST_SLABS.
+"""
 
 
 def sample_count(settings: Settings) -> int:
@@ -57,7 +60,8 @@ def stochastic_plan(
     # Slots of the fixed pattern are where the filter puts them; other places are put on the device.
     placed = set() if pattern_of(settings) == "fixed" else {"SCATTERED"}
     active |= sampling_macros(exposure, settings, active | placed)
-    sizes = _own_sizes(settings, active)
+    strata = _strata(settings, samples, active)
+    sizes = {"STRATA": strata[0] ** 2 * strata[1]} if settings.cull == "pixar" else {}
     if "SHADOWS" in active:
         sizes["SHADOW_LIGHTS"] = len(casting(exposure, settings))
     if shadow_map:
@@ -78,6 +82,8 @@ def stochastic_plan(
         "cull_tile": settings.cull_tile,
         "frameless": settings.frameless,
         "frameless_step": _step(settings.frameless),
+        "strata_lens": strata[0],
+        "strata_time": strata[1],
     }
     return Plan(
         width=width,
@@ -154,13 +160,10 @@ def _own_effects(shared: tuple[Effect, ...], settings: Settings) -> tuple[Effect
     )  # fmt: skip
 
 
-def _own_sizes(settings: Settings, active: Set[str]) -> dict[str, int]:
-    sizes = {"MOST_SLABS": SLABS}
-    samples = sample_count(settings)
-    if settings.cull == "pixar":
-        along, times = pixar_strata(samples, "MOVING" in active, "LENS" in active)
-        sizes |= {"STRATA_U": along, "STRATA_V": along, "STRATA_T": times}
-    return sizes
+def _strata(settings: Settings, samples: int, active: Set[str]) -> tuple[int, int]:
+    if settings.cull != "pixar":
+        return 0, 0
+    return pixar_strata(samples, "MOVING" in active, "LENS" in active)
 
 
 def pixar_strata(samples: int, moving: bool, lens: bool) -> tuple[int, int]:

@@ -25,7 +25,10 @@ LISTED = re.compile(r"^#define (\w+)\(\) GIVEN\(MB_(\w+)\)(?: //.*)?$", re.M)
 FOLLOWS = re.compile(r"^#define (\w+)\(\) (?!GIVEN)", re.M)
 CONDITION = re.compile(r"^[ \t]*#[ \t]*(?:el)?if(n?def)?\b(.*)", re.M)
 GUARD = re.compile(r"\A(?:[ \t]*//.*\n|\n)*#ifndef (MB_\w+_H)\n#define \1\n")
-OTHERS = {"shared/inlining.h": [" INLINED", " __has_warning", ' __has_warning("-Wpsabi")']}
+OTHERS = {
+    "shared/inlining.h": [" INLINED", " __has_warning", ' __has_warning("-Wpsabi")'],
+    "stochastic/tile_of_slabs.h": [" MOST_SLABS"],
+}
 """Conditions that ask of no effect: what a test may replace, and what compilers know."""
 
 ASK = """

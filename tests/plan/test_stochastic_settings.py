@@ -9,6 +9,8 @@ from support.hard_cases import CASES, SIZE
 from support.lens_scenes import with_lens
 
 import mbinterval as mb
+from mbinterval.device.sources import kernel_root
+from mbinterval.plan.stochastic_plan import SLABS
 
 WRONG = [
     ({"cull": "hull"}, "cull='hull' with method='analytic': it is for method='stochastic'"),
@@ -61,7 +63,7 @@ def test_every_choice_that_is_given_is_in_the_plan():
 
     for values, macro in (
         ({}, "-DMB_CULL_BEST"),
-        ({"cull": "pixar", "samples": 16}, "-DSTRATA_T=16"),
+        ({"cull": "pixar", "samples": 16}, "-DSTRATA=16"),
         ({"pattern": "jittered", "samples": 12}, "-DMB_PATTERN_JITTERED"),
         ({"test": "edges"}, "-DMB_TEST_EDGES"),
         ({"statistics": True}, "-DMB_STATISTICS"),
@@ -74,6 +76,11 @@ def test_every_choice_that_is_given_is_in_the_plan():
         plain = ready_for(CASES["shared edges"].make(), replace(settings, cull="bbox"), *SIZE).plan
         assert "-DMB_LENS" not in plain.options
         assert "-DMB_PHONG" not in plain.options
+
+
+def test_the_kernels_have_room_for_the_samples_that_a_plan_has_them_work_on():
+    header = (kernel_root() / "stochastic" / "tile_of_slabs.h").read_text(encoding="utf-8")
+    assert f"#define MOST_SLABS {SLABS} " in header
 
 
 def test_nothing_at_all_is_the_background():

@@ -17,7 +17,7 @@ COUNT, SLABS = 192, 4
 SAMPLES = SLABS * TILE * TILE
 CULLS = ["bbox", "hull", "obb", "pixar", "dual_space", "clip_space", "trim", "zmax", "zmax_strata",
          "zmin", "zmin_strata", "best"]  # fmt: skip
-SIZES = {**POINT_SIZES, "STRATA_U": 2, "STRATA_V": 2, "STRATA_T": 4}
+SIZES = {**POINT_SIZES, "STRATA": 2 * 2 * 4}
 CORNERS = [(0, 0), (2000, 1072)]
 NUDGE = 4e-3
 """Pixels by which a sample may move without a change, where what it sees is sure; float32."""
@@ -51,7 +51,8 @@ def sampled(
     members = kept[np.lexsort((-kept, bounds["near"][kept]))].astype(np.uint32)
     ends = [f(axis=(2, 3)) for f in (drawn[2:].min, drawn[2:].max)]
     bound = np.stack(ends, axis=-1).transpose(1, 0, 2).astype(np.float32)
-    told = numbers(samples=SLABS, layers=SLABS, width=4096, height=2160, seed=1, reach_high=1.0)
+    told = numbers(samples=SLABS, layers=SLABS, width=4096, height=2160, seed=1, reach_high=1.0,
+                   strata_lens=2, strata_time=4)  # fmt: skip
     arrays = [told, vertices, paths, bounds, meshes, materials, members, np.uint32(len(members)),
               *np.int32(corner), bound, *drawn, np.full(SAMPLES, np.inf, np.float32),
               np.full(SAMPLES, records.NONE, np.uint32)]  # fmt: skip

@@ -24,9 +24,9 @@ from mbinterval.settings.settings import Settings
 WRAPPERS = Path(__file__).resolve().parents[1] / "wrappers"
 
 DEFAULTS = {"TILE": 16, "LAYERS": 1, "MASK_BITS": 128}
-"""What the plan defines for a scene with one sample per pixel and nothing at rest."""
+"""Sizes that the plan defines for a scene in motion, and LAYERS, which the wrappers' tiles have."""
 
-POINT_SIZES = {"TILE": None, "LAYERS": None, "MASK_BITS": None, "MOST_SLABS": 64}
+POINT_SIZES = {"TILE": None, "LAYERS": None, "MASK_BITS": None}
 """The sizes that point sampling has."""
 
 

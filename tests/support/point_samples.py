@@ -27,8 +27,7 @@ def drawn_in_tile(plan: Any, exposure: Exposure, x: int, y: int) -> Drawn:
     sampled = sampling_numbers(exposure, plan.settings, plan.width, plan.height)
     told = [numbers(**dict(plan.numbers) | sampled | {"layers": count}), np.int32(x), np.int32(y)]
     owners = np.zeros(count * TILE * TILE, np.uint32)
-    more = {"-DMOST_SLABS=64": "-DMOST_SLABS=1024"}
-    options = [more.get(option, option) for option in plan.options]
+    options = [*plan.options, "-DMOST_SLABS=1024"]
     found = run("scatter.cl", "scatter_tile", [*given, *told, *arrays, owners], options)
     xs, ys, ts, us, vs = (by_pixel(values) for values in found[3:8])
     return Drawn(xs + (x + 8.0), ys + (y + 8.0), ts, us, vs)

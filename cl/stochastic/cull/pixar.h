@@ -1,12 +1,10 @@
-// Culling method "pixar": time and lens are cut into STRATA_U x STRATA_V x STRATA_T parts; a sample
-// is tested when the box of its part touches its pixel (Cook et al. 1990, without the pairing of
-// strata: "modified Pixar" of Laine et al. 2011, 2).
+// Culling method "pixar": both axes of the lens are cut into `strata_lens` parts and time into
+// `strata_time`, in all STRATA parts; a sample is tested when the box of its part touches its pixel
+// (Cook et al. 1990, without the pairing of strata: "modified Pixar" of Laine et al. 2011, 2).
 //
 // Operations: stratum 208 (286), tile 8, sample 12 (24).
 #include "shared/effects.h"
 #include "stochastic/cull/box.h"
-
-#define STRATA (STRATA_U * STRATA_V * STRATA_T)
 
 typedef struct {
     Box box, boxes[STRATA];
@@ -20,15 +18,16 @@ static bool begin_path(const Tile *tile, const Moving *m, Cull *cull)
 {
     Stratum everything = EVERYTHING;
     cull->box = screen_box(m, &everything);
+    const int along = tile->scene.numbers.strata_lens, times = tile->scene.numbers.strata_time;
     for (int k = 0; k < STRATA; k++) {
-        int u = k % STRATA_U, v = k / STRATA_U % STRATA_V, t = k / (STRATA_U * STRATA_V);
+        int u = k % along, v = k / along % along, t = k / (along * along);
         // Times of the shutter, in those of the segment.
-        float from = ((float)t / STRATA_T - m->open) * m->rate;
-        float to = ((t + 1.0f) / STRATA_T - m->open) * m->rate;
+        float from = ((float)t / times - m->open) * m->rate;
+        float to = ((t + 1.0f) / times - m->open) * m->rate;
         Stratum s = {{clamp(from - 1e-6f * m->rate, 0.0f, 1.0f),
             clamp(to + 1e-6f * m->rate, 0.0f, 1.0f)},
-                     {2.0f * u / STRATA_U - 1.0f, 2.0f * (u + 1) / STRATA_U - 1.0f},
-                     {2.0f * v / STRATA_V - 1.0f, 2.0f * (v + 1) / STRATA_V - 1.0f}};
+                     {2.0f * u / along - 1.0f, 2.0f * (u + 1) / along - 1.0f},
+                     {2.0f * v / along - 1.0f, 2.0f * (v + 1) / along - 1.0f}};
         cull->boxes[k] = screen_box(m, &s);
     }
     return true;
@@ -50,10 +49,11 @@ static INLINED LaneInts stratum_along(Lanes place, int count)
 static INLINED LaneMask keep_samples(Tile *tile, const Moving *m, const Cull *cull,
                                      const Bounded *bounded, const SlabSamples *slab, LaneMask mask)
 {
-    LaneInts stratum = stratum_along(slab->at.t, STRATA_T) * (STRATA_U * STRATA_V);
+    const int along = tile->scene.numbers.strata_lens, times = tile->scene.numbers.strata_time;
+    LaneInts stratum = stratum_along(slab->at.t, times) * (along * along);
 #if LENS()
-    stratum += stratum_along(0.5f * slab->at.u + 0.5f, STRATA_U);
-    stratum += stratum_along(0.5f * slab->at.v + 0.5f, STRATA_V) * STRATA_U;
+    stratum += stratum_along(0.5f * slab->at.u + 0.5f, along);
+    stratum += stratum_along(0.5f * slab->at.v + 0.5f, along) * along;
 #endif
     float left[LANES], right[LANES], top[LANES], bottom[LANES];
     for (int i = 0; i < LANES; i++) {
