@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from support.kernels import run
 
-from mbinterval.device.records import BY_NAME, SHADED_SPAN
+from mbinterval.device.kernel_effects import effect_options
+from mbinterval.device.records import _VARIANTS, BY_NAME
 
 
 def probe_source(name: str, dtype: np.dtype) -> str:
@@ -34,13 +35,15 @@ def probe_source(name: str, dtype: np.dtype) -> str:
     return "\n".join([*lines, "}", ""])
 
 
-def device_layout(folder: Path, name: str, dtype: np.dtype) -> tuple[list[int], np.ndarray]:
+def device_layout(
+    folder: Path, name: str, dtype: np.dtype, *effects: str
+) -> tuple[list[int], np.ndarray]:
     """Layout of record ``name`` on the device, and the values that it reads of a sample."""
     file = folder / f"probe_{name}.cl"
     file.write_text(probe_source(name, dtype))
     elements = sum(int(np.prod(dtype[field].shape, dtype=int)) for field in dtype.names)
     arguments = [sample(dtype), np.zeros(1 + 2 * len(dtype.names), np.uint64), np.zeros(elements)]
-    _, layout, values = run(file, "probe", arguments)
+    _, layout, values = run(file, "probe", arguments, effect_options(effects))
     return layout.tolist(), values
 
 
@@ -84,12 +87,11 @@ def test_every_record_of_the_header_has_a_dtype():
     assert declared == set(BY_NAME)
 
 
-def test_spans_have_their_steps_where_lights_cast_shadows(tmp_path):
-    file, dtype = tmp_path / "probe.cl", SHADED_SPAN
-    file.write_text(probe_source("Span", dtype))
-    arguments = [sample(dtype), np.zeros(1 + 2 * len(dtype.names), np.uint64), np.zeros(5)]
-    _, layout, values = run(file, "probe", arguments, ["-DMB_SHADOWS"])
-    assert layout.tolist() == host_layout(dtype)
+@pytest.mark.parametrize(("name", "effect"), _VARIANTS)
+def test_records_that_grow_with_an_effect_are_laid_out_alike_too(name, effect, tmp_path):
+    dtype = _VARIANTS[name, effect]
+    layout, values = device_layout(tmp_path, name, dtype, effect)
+    assert layout == host_layout(dtype) != host_layout(BY_NAME[name])
     assert np.array_equal(values, flattened(sample(dtype)))
 
 

@@ -171,5 +171,6 @@ def test_a_full_pool_is_reported_and_nothing_is_written_beyond_it():
     case = drawn(5)
     lists, _ = lit(case)
     count = sum(len(steps) + 1 for each in lists for steps in each)
+    assert lit(case, count + 2)[1]  # a caster may add two steps, and asks for them beforehand
     assert not lit(case, count - 1)[1]
     assert not lit(case, 2)[1]
