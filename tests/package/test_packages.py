@@ -61,6 +61,14 @@ def test_imports_are_found_wherever_they_are(source, found):
     assert imports_of(source, module_names()) == found
 
 
+@pytest.mark.parametrize(
+    "source", ["from . import film", "def late():\n    from ..film import aovs"]
+)
+def test_relative_imports_are_refused(source):
+    with pytest.raises(ValueError, match="a relative import"):
+        imports_of(source, module_names())
+
+
 def imports_tests(source: str) -> bool:
     """Whether a test's source, or a program in it, takes something from another test."""
     return re.search(r"^\W*(from|import) test_", source, re.MULTILINE) is not None

@@ -36,12 +36,17 @@ def module_names(root: Path = ROOT) -> dict[str, Path]:
 
 
 def imports_of(source: str, known: Iterable[str]) -> frozenset[str]:
-    """Names of the modules that a ``source`` imports; ``known`` are those that there are."""
+    """Names of the modules that a ``source`` imports; ``known`` are those that there are.
+
+    A relative import is a ``ValueError``.
+    """
     known, found = set(known), set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                raise ValueError(f"line {node.lineno}: a relative import")
             below = [f"{node.module}.{alias.name}" for alias in node.names]
             names = [name if _below(name) in known else str(node.module) for name in below]
         else:
