@@ -80,7 +80,7 @@ def checked(python: str, folder: Path, *command: str, reads: bool = True) -> tup
 EACH_TIME = (
     *("exact", "exact, behind the eye", "mask", "lens, scattered", "layers, behind the eye"),
     *("recorded", "translucent, adaptive", "textures over footprints", "mirrors, glossy"),
-    *("shadows", "static", "environment", "triangulated, exact occlusion"),
+    *("shadows", "static", "environment", "triangulated, exact occlusion", "five points"),
     *("triangulated, by depth", "triangulated, pools grow", "stochastic, filter"),
     *("stochastic, rotated grid", "stochastic, interleaved", "stochastic, edges"),
     *("stochastic, shadow map", "stochastic, glossy mirrors", "stochastic, environment"),
@@ -118,19 +118,10 @@ def test_what_is_wrong_is_reported(kernel, words, python, tmp_path):
 
 
 def test_the_scenes_run_every_stage():
-    from mbinterval.rendering import stochastic, tiles
+    from mbinterval.device.sources import kernel_root
 
     seen = set()
     for name in EACH_TIME:
         seen |= set(oclgrind_scenes.ready_for(SCENES[name]).plan.stages)
-    assert seen == {
-        "paths",
-        "bin",
-        *tiles.TILE_STAGES,
-        *stochastic.TILE_STAGES,
-        "vertices",
-        "bounds",
-        "rgss",
-        "shadow_map",
-        "cube_map",
-    }
+    files = {path.stem for path in kernel_root().rglob("*.cl")}
+    assert seen == files - {"tile", "scan", "copy"} | {"sample"}

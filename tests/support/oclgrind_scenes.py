@@ -166,6 +166,9 @@ SCENES = {
         Camera(position=Track([0.75, 1.25], [[0.0, 0, 0], [0.2, 0.1, 0]]), focal_length=24.0),
     ),
     "mask": Small(colorful, {"samples": 2, "occlusion": 64, "partial_bits": True}),
+    "five points": Small(
+        colorful, {"samples": 1, "filter": "five_point", "aovs": ("sharp",), "aov_time": 0.5}
+    ),
     "lens": Small(colorful, {"samples": 3}, Camera(**LENS)),
     "lens, scattered": Small(
         colorful, {"samples": 4, "pattern": "sobol", "filter": "mitchell"},
