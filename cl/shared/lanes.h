@@ -59,7 +59,6 @@ typedef uint8 Uints;
 #define DOUBLE_INDEX(type) ((type)(0, 1, 2, 3, 4, 5, 6, 7))
 
 // Lanes as a square: the column and the row of each.
-#define SQUARE_EDGE 4
 #define SQUARE_COLUMN ((Lanes)(0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3))
 #define SQUARE_ROW ((Lanes)(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3))
 
@@ -107,8 +106,8 @@ static INLINED bool any_lane(LaneMask mask)
     return (any.x | any.y | any.z | any.w) != 0;
 }
 
-// Whether any lane is below zero: by OpenCL's function, since Oclgrind takes any_lane of lanes that
-// were never written, and are masked, for one of them.
+// Whether any lane is below zero. By OpenCL's function: of lanes that were never written, and are
+// masked since, Oclgrind takes the result of any_lane for unwritten too.
 static INLINED bool any_below_zero(LaneInts a) { return any(a); }
 
 static INLINED uint count_lanes(LaneMask mask)

@@ -12,7 +12,7 @@ from mbinterval.plan.plan import Plan
 from mbinterval.plan.stochastic_plan import sample_count
 
 LANES = 16
-"""Records that every pool has beyond its capacity, for whole vectors to be written."""
+"""Records of every pool beyond its capacity, for each work-item: sorts write whole vectors."""
 LEAST_CAPACITY = 4096
 """Records of the smallest pools that a render begins with where memory is short."""
 LEAST_EVENTS = 1 << 12

@@ -1,7 +1,8 @@
 """Bytes that a render takes, as far as they are known before it runs, and a limit to them.
 
-What comes on top is known only when paths have met tiles: the lists of paths by tile, and pools
-that had to grow. Both are held against the limit when they are known (`tiles`).
+What comes on top is known only when paths have met tiles: the lists of paths by tile, for lights
+too, and pools that had to grow. They are held against the limit when they are known
+(`check_members` of `shared_steps`, and `tiles`).
 """
 
 from __future__ import annotations

@@ -40,7 +40,9 @@ class Plan:
     Attributes
     ----------
     stages
-        Names of the stages that run, in order; each is a file in ``cl/analytic`` or ``cl/shared``.
+        Names of the stages that run, in order; each is a file in ``cl/analytic``,
+        ``cl/stochastic`` or ``cl/shared``, but "sample", the culling methods of
+        ``cl/stochastic/cull``.
     active
         Macros of what is called for: of effects, and of what is left of others.
     sizes

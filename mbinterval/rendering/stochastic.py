@@ -2,8 +2,9 @@
 
     vertices -> bounds -> bin (-> shadow_map) -> [scatter -> sample -> shade -> resolve] (-> rgss)
 
-Each word is a stage: a file in ``cl/stochastic`` (``vertices`` is in ``cl/shared``), an entry in
-the plan, and a key of the timings. The bracketed stages run fused, tile by tile, in one kernel.
+Each word is a stage: a file in ``cl/stochastic`` (``vertices`` is in ``cl/shared``, and ``sample``
+is one of the culling methods in ``cl/stochastic/cull``), an entry in the plan, and a key of the
+timings. The bracketed stages run fused, tile by tile, in one kernel.
 """
 
 from __future__ import annotations

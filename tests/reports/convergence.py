@@ -21,7 +21,6 @@ FOLDER = Path(__file__).resolve().parents[3] / "shared" / "benchmark"
 COUNTS = (1, 4, 16, 64)
 POINT_COUNTS = (4, 16, 64, 256, 1024)
 PATTERNS = {"analytic": ("fixed", "sobol"), "stochastic": ("random", "jittered", "sobol")}
-OWN_ERROR = {"wheel": 5.1e-5, "cubes1000": 4.0e-5, "cubes2000": 4.3e-5, "sphere82k": 1.3e-5}
 
 
 def errors(name: str, method: str, pattern: str, counts: tuple[int, ...]) -> list[float]:
