@@ -6,7 +6,6 @@
 // all circles of confusion.
 //
 // Operations: path 417 (435), tile 64, sample 0.
-#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 
 typedef struct {

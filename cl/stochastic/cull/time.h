@@ -3,7 +3,6 @@
 #ifndef MB_CULL_TIME_H
 #define MB_CULL_TIME_H
 
-#include "shared/effects.h"
 #include "stochastic/cull/box.h"
 
 // Narrow [low, high] to the time in which any corner may lie inside of the plane a x + b y + c w >=
