@@ -14,7 +14,7 @@ from support.kernels import builds_without, built, ready_for, warns
 import mbinterval as mb
 from mbinterval.errors import UsageError
 from mbinterval.film.aovs import AOVS, RECORDED
-from mbinterval.plan.buffers import film_bytes
+from mbinterval.plan.buffers import film_bytes, scratch_bytes
 from mbinterval.plan.plan import Plan, check_crop
 from mbinterval.scene.model import Light, Material, Scene, Texture
 from mbinterval.scene.tracks import Track
@@ -278,6 +278,15 @@ def test_point_lights_are_called_for_by_lit_materials_under_them():
         for kind in ("POINT", "SPOT"):
             assert (f"{kind.lower()} lights" in active(planned)) == (kind in called_for)
             assert (f"-DMB_{kind}_LIGHTS" in planned.options) == (kind in called_for)
+
+
+def test_scratch_counts_what_effects_add_to_its_records():
+    of = ready_for(Scene([], camera=UNIT_CAMERA), mb.Settings(samples=4), 32, 16).plan
+    placed, glossy = (
+        scratch_bytes(dataclasses.replace(of, active=of.active | {"PLACED", *more}))
+        for more in ((), ("GLOSSY",))
+    )
+    assert glossy - placed == 8 * of.layers * of.tile**2
 
 
 def test_plans_are_values():
