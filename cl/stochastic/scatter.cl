@@ -61,7 +61,9 @@ typedef struct {
     Orders order_x;
 #endif
 #if PATTERN_JITTERED()
+#if LENS()
     Orders order_u;
+#endif
     float columns, over_columns, over_rows; // of the grid of cells
 #endif
 } Seeds;
@@ -77,7 +79,9 @@ static Seeds seeds_of(const Tile *tile, int block)
     seeds.order_x = orders_of(seeds.x, n->samples);
 #endif
 #if PATTERN_JITTERED()
+#if LENS()
     seeds.order_u = orders_of(seeds.u, n->samples);
+#endif
     seeds.columns = (uint)n->columns, seeds.over_columns = 1.0f / (uint)n->columns;
     seeds.over_rows = 1.0f / (uint)(n->samples / n->columns);
 #endif
@@ -85,21 +89,27 @@ static Seeds seeds_of(const Tile *tile, int block)
 }
 
 #if PATTERN_JITTERED() || PATTERN_FIXED()
+// One of the orders of 0 ... mask that a seed stands for: the place of each x.
+static INLINED LaneUints shuffled(LaneUints x, LaneUints seed, uint mask)
+{
+    x ^= seed, x *= 0xe170893du, x ^= seed >> 16, x ^= (x & mask) >> 4;
+    x ^= seed >> 8, x *= 0x0929eb3fu, x ^= seed >> 23, x ^= (x & mask) >> 1;
+    x *= 1u | seed >> 27, x *= 0x6935fa69u, x ^= (x & mask) >> 11;
+    x *= 0x74dcb303u, x ^= (x & mask) >> 2, x *= 0x9e501cc3u, x ^= (x & mask) >> 2;
+    x *= 0xc860a3dfu, x &= mask, x ^= x >> 5;
+    return x;
+}
+
 // Place of l in each of the orders (Kensler 2013).
 static INLINED LaneUints permuted(uint l, const Orders *orders)
 {
     const LaneUints seed = orders->seed;
     const uint mask = orders->mask, n = orders->count;
-    LaneUints i = l;
-    LaneInts again = -1;
+    LaneUints i = shuffled((LaneUints)(l), seed, mask);
+    if (mask + 1u == n) return i + seed & mask;
+    LaneInts again = i >= (LaneUints)(n);
     while (any_lane(again)) {
-        LaneUints x = i;
-        x ^= seed, x *= 0xe170893du, x ^= seed >> 16, x ^= (x & mask) >> 4;
-        x ^= seed >> 8, x *= 0x0929eb3fu, x ^= seed >> 23, x ^= (x & mask) >> 1;
-        x *= 1u | seed >> 27, x *= 0x6935fa69u, x ^= (x & mask) >> 11;
-        x *= 0x74dcb303u, x ^= (x & mask) >> 2, x *= 0x9e501cc3u, x ^= (x & mask) >> 2;
-        x *= 0xc860a3dfu, x &= mask, x ^= x >> 5;
-        i = again ? x : i;
+        i = again ? shuffled(i, seed, mask) : i;
         again = i >= (LaneUints)(n);
     }
     // i + seed modulo n, where the sum may be 2^32 too small.
@@ -149,7 +159,9 @@ static Drawn draw(const Tile *tile, uint l, const Seeds *seeds)
     d.u = hashed(l, seeds->u), d.v = hashed(l, seeds->v);
 #elif PATTERN_JITTERED()
     jitter_in_cell(seeds, l, &seeds->order_x, seeds->y, &d.x, &d.y);
+#if LENS() // unused loops are not left out by compilers
     jitter_in_cell(seeds, l, &seeds->order_u, seeds->v, &d.u, &d.v);
+#endif
 #elif PATTERN_FIXED()
     uint slot[LANES];
     float x[LANES], y[LANES];
