@@ -263,7 +263,7 @@ static void store_seen(const Tile *tile, int x, int y, size_t out, Aovs aovs)
 #if AOV_NORMAL()
     double3 normal = normal_of(tile, &seen);
     store_pair(aovs, PLANE_NORMAL, out, normal.xy);
-    store_float(aovs, PLANE_NORMAL_Z, out, normal.z);
+    store_float(aovs, PLANE_NORMAL + 2, out, normal.z);
 #endif
 #if AOV_UV()
     store_pair(aovs, PLANE_UV, out, uv_of(tile, &seen));

@@ -3,7 +3,7 @@
 //
 // The host gives the option -DMB_LENS for LENS, and so on (KERNEL_EFFECTS in Python is this list).
 // What is not called for leaves no code. Options with numbers are sizes: TILE, MASK_BITS,
-// SHADOW_LIGHTS and STRATA.
+// SHADOW_LIGHTS, STRATA, PLANES (of layers) and the first of each layer's, such as PLANE_DEPTH.
 #ifndef MB_EFFECTS_H
 #define MB_EFFECTS_H
 

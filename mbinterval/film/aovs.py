@@ -129,28 +129,45 @@ def planar(names: Sequence[str]) -> list[str]:
     return [name for name in names if name != "sharp" and name not in RECORDED]
 
 
+def plane_sizes(names: Sequence[str]) -> dict[str, int]:
+    """Return the kernels' sizes of the layers of these ``names``: nothing where none has planes.
+
+    ``PLANE_NORMAL`` is the first plane of ``normal``, and so on; ``PLANES`` is how many there are.
+    """
+    sizes: dict[str, int] = {}
+    count = 0
+    for name in planar(names):
+        if _plane(name) not in sizes:
+            sizes[_plane(name)] = count
+            count += len(AOVS[name].channels)
+    return sizes | {"PLANES": count} if sizes else {}
+
+
 def plane_count(names: Sequence[str]) -> int:
     """Return how many planes the kernels write for the layers of these ``names``."""
-    sizes = {MACROS[name]: len(AOVS[name].channels) for name in planar(names)}
-    return sum(sizes.values())
+    return plane_sizes(names).get("PLANES", 0)
 
 
 def split_planes(names: Sequence[str], planes: NDArray[np.uint32]) -> dict[str, NDArray[Any]]:
-    """Layers of ``planes`` ``(P, H, W)``, which are in the order of ``cl/analytic/aov.h``.
+    """Layers of ``planes`` ``(P, H, W)``, which are where `plane_sizes` says.
 
     Under ``"object"`` is 1 and the index of the mesh record, 0 where nothing is.
     """
     import numpy as np
 
     found: dict[str, NDArray[Any]] = {}
-    first = 0
-    for macro in dict.fromkeys(MACROS[name] for name in planar(names)):
-        name = next(name for name in AOVS if MACROS[name] == macro)
-        count = len(AOVS[name].channels)
-        part: NDArray[Any] = planes[first : first + count].view(AOVS[name].dtype)
-        found[name] = part[0] if count == 1 else np.moveaxis(part, 0, 2)
-        first += count
+    sizes = plane_sizes(names)
+    for name, aov in AOVS.items():
+        first = sizes.pop(_plane(name), None)
+        if first is not None:
+            part: NDArray[Any] = planes[first : first + len(aov.channels)].view(aov.dtype)
+            found[name] = part[0] if len(part) == 1 else np.moveaxis(part, 0, 2)
     return found
+
+
+def _plane(name: str) -> str:
+    """Return what the kernels call the layer's first plane."""
+    return MACROS[name].replace("AOV_", "PLANE_")
 
 
 def channel_names(name: str, count: int) -> list[str]:

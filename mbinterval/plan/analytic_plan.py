@@ -6,7 +6,7 @@ from collections.abc import Set
 from typing import TYPE_CHECKING
 
 from mbinterval.errors import UsageError
-from mbinterval.film.aovs import FLOWS
+from mbinterval.film.aovs import FLOWS, plane_sizes
 from mbinterval.layout.appearance import casting
 from mbinterval.plan.effects import active_macros, effects_of
 from mbinterval.plan.plan import AROUND, Crop, Plan, sampling_macros, sampling_numbers
@@ -47,7 +47,7 @@ def analytic_plan(
         )
     tile = settings.tile_size
     layers = max(1, min(settings.samples, _SAMPLES_AT_A_TIME // tile**2))
-    sizes = {"TILE": tile}
+    sizes = {"TILE": tile} | plane_sizes(settings.aovs)
     if "BIT_MASK" in active:
         sizes["MASK_BITS"] = int(settings.occlusion)
     if "SHADOWS" in active:

@@ -13,7 +13,7 @@ from reference.moment import Moment, flow, moment
 from support.busy_scenes import contents
 from support.closed_forms import UNIT_CAMERA, world
 from support.films import make_film
-from support.nightly import nightly
+from support.nightly import nightly, nightly_but
 
 import mbinterval as mb
 from mbinterval.errors import UsageError
@@ -21,6 +21,7 @@ from mbinterval.exposure.exposure import Exposure, expose
 from mbinterval.files.exr import ExrImage, write_exr
 from mbinterval.film.aovs import AOVS, FLOWS
 from mbinterval.film.film import Film
+from mbinterval.rendering.shared_steps import Work
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 from mbinterval.scene.tracks import Track, Transform
 
@@ -151,6 +152,21 @@ def test_two_runs_crops_and_tiles_give_the_same_bytes():
         if name != "operations":  # a measure of work
             assert part.layers[name].tobytes() == pixels[5:24, 17:37].tobytes()
             assert tiled.layers[name].tobytes() == pixels.tobytes()
+
+
+@pytest.mark.parametrize("name", nightly_but(AOVS, "normal", "object"))
+def test_a_layer_alone_is_the_one_among_all_whatever_was_in_memory(name, monkeypatch):
+    want, allocate = film().layers[name], Work.allocate
+
+    def fill(work: Work, kind: str, array: str, *others: object) -> None:
+        allocate(work, kind, array, *others)
+        if array in ("planes", "sharp"):
+            work.runtime.fill(work.arrays[array], 0x3F123456)
+
+    monkeypatch.setattr(Work, "allocate", fill)
+    alone = rendered(busy(1, "moving"), (name,)).layers
+    assert list(alone) == [name]
+    assert alone[name].tobytes() == want.tobytes()
 
 
 def test_tiles_done_in_pieces_and_again_count_operations_once():

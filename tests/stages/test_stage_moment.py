@@ -9,9 +9,9 @@ from support.kernels import numbers, options, run
 from support.stage_triangles import TILE, draw, nearest_of, tables
 
 from mbinterval.device import records
+from mbinterval.film.aovs import FLOWS, MACROS, MOMENTARY, plane_sizes, split_planes
 
 COUNT = 256
-LAYERS = ("AOV_DEPTH", "AOV_NORMAL", "AOV_UV", "AOV_FORWARD", "AOV_MESH")
 CASES = [((0, 0), 0.0), ((256, 16), 0.25), ((2000, 1072), 0.3), ((48, 0), 1.0)]
 """Corners of tiles, and moments: also those at which a motion segment ends and the next begins."""
 
@@ -27,7 +27,10 @@ def test_the_layers_are_those_of_the_nearest_triangle_at_the_moment(corner, mome
     normal = rng.normal(0, 1, (2, many, 3)).astype(np.float32)
     meshes["uv"][0], meshes["uv_step"][0] = 0, 1
     meshes["normal"][0], meshes["normal_step"][0] = 0, 1
-    ahead = np.column_stack([rng.uniform(-50, 50, (many, 2)), rng.uniform(0.1, 2, many)])
+    elsewhere = {
+        name: np.column_stack([rng.uniform(-50, 50, (many, 2)), rng.uniform(0.1, 2, many)])
+        for name in FLOWS
+    }
     camera = np.zeros(2, records.CAMERA)
     camera["inverse"] = np.eye(3).ravel()  # the world is homogeneous pixel space
     low = of.points[..., 2].min(axis=(1, 2))
@@ -36,31 +39,33 @@ def test_the_layers_are_those_of_the_nearest_triangle_at_the_moment(corner, mome
     shapes["flags"] = np.where(low <= 0, 2, 0)
     x0, y0 = corner
     frame = records.pack("Frame", x=x0 + 3, y=y0, width=9, height=14, background=(0, 0, 0))
+    row, column = np.divmod(np.arange(9 * 14), 9)
     told = numbers(moment=moment, samples=1, width=4096, height=2160)
     members = np.lexsort((-np.arange(COUNT), shapes["near"])).astype(np.uint32)
+    sizes = plane_sizes(MOMENTARY)
     arrays = [
         told, frame, vertices, paths, shapes, meshes, materials, uv, normal, camera, members,
-        np.uint32(COUNT), *np.int32(corner), ahead, np.zeros(TILE * TILE),
-        np.zeros(TILE * TILE, np.uint32), np.zeros((9, 14, 9), np.uint32),
+        np.uint32(COUNT), *np.int32(corner), *elsewhere.values(), np.zeros(TILE * TILE),
+        np.zeros(TILE * TILE, np.uint32), np.zeros((sizes["PLANES"], 14, 9), np.uint32),
     ]  # fmt: skip
-    defines = options("MOVING", "EXACT", "MOMENTARY", "SINGLE_SIDED", *LAYERS, MASK_BITS=None)
-    planes = run("moment.cl", "moment_tile", arrays, defines)[-1].reshape(9, -1)
-    depth, *rest = planes[:8].view(np.float32).astype(np.float64)
-    found_normal, found_uv, flow = (np.stack(part, axis=1) for part in
-                                    (rest[:3], rest[3:5], rest[5:]))  # fmt: skip
-    row, column = np.divmod(np.arange(9 * 14), 9)
+    effects = "MOVING", "EXACT", "MOMENTARY", "SINGLE_SIDED", *(MACROS[n] for n in MOMENTARY)
+    planes = run("moment.cl", "moment_tile", arrays, options(*effects, MASK_BITS=None, **sizes))[-1]
+    found = {
+        name: pixels.reshape(len(row), *pixels.shape[2:])
+        for name, pixels in split_planes(MOMENTARY, planes).items()
+    }
     x, y = column + (x0 + 3.5), row + (y0 + 0.5)
     t = np.full(len(x), min(np.float32(moment), np.float32(1 - 2.0**-24)), np.float64)
     path, w, sure = nearest_of(of, x, y, t)
     assert np.mean(sure) > 0.8
     nothing = sure & (path < 0)
-    assert np.all(planes[8][nothing] == 0)
-    assert np.all(np.isinf(depth[nothing]))
+    assert np.all(found["object"][nothing] == 0)
+    assert np.all(np.isinf(found["depth"][nothing]))
     hit = np.flatnonzero(sure & (path >= 0))
     path, t, x, y = path[hit], t[hit], x[hit], y[hit]
     assert len(np.unique(path)) > 2
-    assert depth[hit] == pytest.approx(w[hit], rel=1e-6)
-    assert np.array_equal(planes[8][hit], of.single_sided[path] + 1)
+    assert found["depth"][hit] == pytest.approx(w[hit], rel=1e-6)
+    assert np.array_equal(found["object"][hit], of.single_sided[path] + 1)
     now = of.at(path, t)
     _, share, _ = see(now, x, y)
     low, high = of.window[path].T
@@ -73,7 +78,7 @@ def test_the_layers_are_those_of_the_nearest_triangle_at_the_moment(corner, mome
 
     smooth = ~of.single_sided[path]
     size = 1e-6 * np.abs(share).max(axis=1) + 1e-5
-    assert np.all(np.abs(found_uv[hit] - mean(uv) * smooth[:, None]).max(axis=1) < 4 * size)
+    assert np.all(np.abs(found["uv"][hit] - mean(uv) * smooth[:, None]).max(axis=1) < 4 * size)
     want = mean(normal)
     flat = [np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in of.points[path].swapaxes(0, 1)]
     flat = [n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300) for n in flat]
@@ -82,7 +87,9 @@ def test_the_layers_are_those_of_the_nearest_triangle_at_the_moment(corner, mome
     want *= np.where(turned, -1.0, 1.0)[:, None]
     length = np.linalg.norm(want, axis=1)
     told = length > 1e-3
-    assert found_normal[hit][told] == pytest.approx((want / length[:, None])[told], abs=1e-4)
+    assert found["normal"][hit][told] == pytest.approx((want / length[:, None])[told], abs=1e-4)
     assert np.count_nonzero(turned) > 5
-    there = np.einsum("mv,mva->ma", share, ahead[corners])
-    assert flow[hit] == pytest.approx(there[:, :2] / there[:, 2:] - np.stack([x, y], 1), rel=1e-4)
+    for name, places in elsewhere.items():
+        there = np.einsum("mv,mva->ma", share, places[corners])
+        way = there[:, :2] / there[:, 2:] - np.stack([x, y], 1)
+        assert found[name][hit] == pytest.approx(way, rel=1e-4)

@@ -8,8 +8,8 @@ kernel void moment_tile(Numbers numbers, Frame frame, global const Vertex *verti
                         global const float *uvs, global const float *normals,
                         global const Camera *cameras, global const uint *members,
                         uint member_count, int x, int y, global const double *forward,
-                        global double *static_depth, global uint *static_part,
-                        global uint *planes)
+                        global const double *backward, global double *static_depth,
+                        global uint *static_part, global uint *planes)
 {
     Tile tile;
     tile.scene.numbers = numbers, tile.scene.vertices = vertices, tile.scene.paths = paths;
@@ -21,6 +21,6 @@ kernel void moment_tile(Numbers numbers, Frame frame, global const Vertex *verti
     tile.members = members, tile.member_count = member_count;
     tile.static_depth = static_depth, tile.static_part = static_part;
     Aovs aovs = {.size = (size_t)frame.width * frame.height};
-    aovs.planes = planes, aovs.forward = forward;
+    aovs.planes = planes, aovs.forward = forward, aovs.backward = backward;
     moment(&tile, frame, aovs);
 }
