@@ -26,11 +26,13 @@ if TYPE_CHECKING:  # settings are checked before anything heavy is imported
 class Aov:
     """A layer: its channels in EXR files, and whether they are whole numbers (uint32).
 
-    ``ranked`` ones have more channels of the same kind, numbered on.
+    ``moment`` ones are found at the centres of pixels, at one moment; ``ranked`` ones have more
+    channels of the same kind, numbered on.
     """
 
     channels: tuple[str, ...]
     whole: bool = False
+    moment: bool = False
     ranked: bool = False
 
     @property
@@ -41,13 +43,13 @@ class Aov:
 
 AOVS: Mapping[str, Aov] = {
     "sharp": Aov(("sharp.R", "sharp.G", "sharp.B", "sharp.A")),
-    "depth": Aov(("sharp.Z",)),
-    "normal": Aov(("normal.X", "normal.Y", "normal.Z")),
-    "uv": Aov(("uv.u", "uv.v")),
-    "forward": Aov(("forward.u", "forward.v")),
-    "backward": Aov(("backward.u", "backward.v")),
-    "object": Aov(("object.id",), whole=True),
-    "material": Aov(("material.id",), whole=True),
+    "depth": Aov(("sharp.Z",), moment=True),
+    "normal": Aov(("normal.X", "normal.Y", "normal.Z"), moment=True),
+    "uv": Aov(("uv.u", "uv.v"), moment=True),
+    "forward": Aov(("forward.u", "forward.v"), moment=True),
+    "backward": Aov(("backward.u", "backward.v"), moment=True),
+    "object": Aov(("object.id",), whole=True, moment=True),
+    "material": Aov(("material.id",), whole=True, moment=True),
     "operations": Aov(("operations.count",), whole=True),
     **{
         name: Aov(tuple(f"{name}00.{channel}" for channel in "RGBA"), ranked=True)
@@ -101,7 +103,7 @@ MACROS: Mapping[str, str] = {
 }
 """What the kernels call each; objects and materials follow from the mesh."""
 
-MOMENTARY = ("depth", "normal", "uv", "forward", "backward", "object", "material")
+MOMENTARY = tuple(name for name, aov in AOVS.items() if aov.moment)
 """Those that are found at the centres of pixels, at one moment."""
 
 FLOWS = {"forward": 1, "backward": -1}
