@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import re
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from support.kernels import builds_without, built, ready_for, warns
 
 import mbinterval as mb
 from mbinterval.errors import UsageError
-from mbinterval.film.aovs import AOVS, RECORDED
+from mbinterval.film.aovs import AOVS, MACROS, MOMENTARY, RECORDED, planar
 from mbinterval.plan.buffers import film_bytes, scratch_bytes
 from mbinterval.plan.plan import Plan, check_crop
 from mbinterval.scene.model import Light, Material, Scene, Texture
@@ -241,14 +242,8 @@ def test_a_scene_without_mirrors_leaves_no_code_of_them():
     assert not builds_without(plan(mesh(), mesh(False, material=POOL)), names, "shared/records.h")
 
 
-CODE = {
-    "sharp": "add_moment",
-    "depth": "PLANE_DEPTH",
-    "normal": "PLANE_NORMAL",
-    "uv": "PLANE_UV",
-    "forward": "PLANE_FORWARD",
-    "backward": "PLANE_BACKWARD",
-    "operations": "PLANE_OPERATIONS",
+CODE = {"sharp": "add_moment"} | {
+    name: MACROS[name].replace("AOV_", "PLANE_") for name in planar(AOVS)
 }
 """Something that only the code of a layer uses, past the tile's header."""
 
@@ -256,14 +251,14 @@ CODE = {
 @pytest.mark.parametrize("name", CODE)
 def test_a_layer_that_is_not_asked_for_leaves_no_code_no_buffer_and_no_stage(name):
     header = "analytic/tile_of_rows.h"
-    others = tuple(other for other in AOVS if other != name)
+    others = tuple(other for other in AOVS if MACROS[other] != MACROS[name])
     assert builds_without(plan(mesh(), aovs=others), (CODE[name],), header)
     assert not builds_without(plan(mesh(), aovs=name), (CODE[name],), header)
     asked, none = plan(mesh(), aovs=name), plan(mesh())
     assert film_bytes(asked) - film_bytes(none) == 32 * 16 * 4 * len(AOVS[name].channels)
-    assert ("moment" in asked.stages) == (name not in ("sharp", "operations"))
+    assert ("moment" in asked.stages) == (name in MOMENTARY)
     assert asked.stages[-2:] == ("moment", "resolve") or asked.stages == none.stages
-    assert not [option for option in none.options if "AOV" in option or "MOMENT" in option]
+    assert not [option for option in none.options if re.search("AOV|MOMENT|PLANE", option)]
 
 
 def test_point_lights_are_called_for_by_lit_materials_under_them():
@@ -332,7 +327,6 @@ HALL = mb.Environment(np.ones((4, 8, 3)))
 CHROME = Material("chrome", shading="metallic_roughness", metallic=1.0)
 CRYPTO = ("crypto_object", "deep")
 LAMPS = [Light("point", shadows=True), Light("directional", shadows=True)]
-LAYERS = ("depth", "normal", "uv", "forward", "backward", "object", "material")
 BUILT = {
     "empty": (Scene(meshes=[], camera=UNIT_CAMERA), {}),
     "static": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {}),
@@ -379,7 +373,7 @@ BUILT = {
         dataclasses.replace(
             SEEN_THROUGH, meshes=[*SEEN_THROUGH.meshes, mesh(False, material=POOL)]
         ),
-        {"aovs": (*RECORDED, "sharp", *LAYERS)},
+        {"aovs": (*RECORDED, "sharp", *MOMENTARY)},
     ),
     "everything, in a glossy mirror": (
         dataclasses.replace(
@@ -392,9 +386,9 @@ BUILT = {
         SHARP | {"anisotropy": 2},
     ),
     "everything, clear": (EVERYTHING, {"transparent": True, "samples": 1, "tile_size": 8}),
-    "empty, with layers": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": LAYERS}),
-    "static, with layers": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {"aovs": LAYERS}),
-    "everything, with layers": (EVERYTHING, {"aovs": LAYERS}),
+    "empty, with layers": (Scene(meshes=[], camera=UNIT_CAMERA), {"aovs": MOMENTARY}),
+    "static, with layers": (Scene(meshes=[mesh(False)], camera=UNIT_CAMERA), {"aovs": MOMENTARY}),
+    "everything, with layers": (EVERYTHING, {"aovs": MOMENTARY}),
     "everything, sharp": (EVERYTHING, {"aovs": "sharp", "occlusion": "exact"}),
 }
 
