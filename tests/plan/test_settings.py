@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from mbinterval.errors import UsageError
-from mbinterval.settings.rules import OCCLUSIONS
-from mbinterval.settings.settings import SETTINGS, Settings, check_setting, conflicts
+from mbinterval.settings.rules import ANALYTIC, METHODS, OCCLUSIONS, SAMPLED
+from mbinterval.settings.settings import RULES, SETTINGS, Settings, check_setting, conflicts
 
 WRONG = {
     "method": ["exact", None, 1, ["analytic"]],
@@ -52,8 +54,42 @@ WRONG = {
 }
 
 
-def test_every_setting_is_here():
+COUNTS = {
+    **dict.fromkeys(
+        ("method", "samples", "pattern", "filter", "filter_radius", "motion_segments",
+         "motion_error", "shadows", "seed", "transparent"),
+        (METHODS, False, ()),
+    ),
+    "statistics": (METHODS, True, ()),
+    **dict.fromkeys(
+        ("paths", "pairing", "occlusion", "partial_bits", "max_intervals", "texture_samples",
+         "shading_error", "anisotropy", "aovs", "aov_time"),
+        (ANALYTIC, False, ()),
+    ),
+    "tile_size": (ANALYTIC, True, ()),
+    "cryptomatte_levels": (ANALYTIC, False, ("crypto_object", "crypto_material")),
+    "deep_tolerance": (ANALYTIC, False, ("deep",)),
+    "event_steps": (ANALYTIC, False, ("events",)),
+    **dict.fromkeys(("cull", "cull_tile"), (SAMPLED, True, ())),
+    **dict.fromkeys(
+        ("test", "shading_rate", "hybrid", "shadow_map", "shadow_strata", "shadow_bias"),
+        (SAMPLED, False, ()),
+    ),
+    "frameless": (("stochastic",), False, ()),
+    **dict.fromkeys(("slices", "slice_times", "slice_lens"), (("accumulation",), False, ())),
+}  # fmt: skip
+"""Where each setting counts: methods, whether for speed alone, and layers."""
+
+
+def test_every_setting_is_here_and_explained():
     assert set(WRONG) == set(SETTINGS) == {field.name for field in fields(Settings)}
+    lines = re.findall(r"^\w+(?:, \w+)*$", inspect.getdoc(Settings), re.M)
+    assert {name for line in lines for name in line.split(", ")} - {"Attributes"} == set(SETTINGS)
+
+
+def test_every_setting_counts_where_it_should():
+    rules = {name: (rule.methods, rule.speed_only, rule.of_aovs) for name, rule in RULES.items()}
+    assert rules == COUNTS
 
 
 @pytest.mark.parametrize(("name", "value"), [(n, v) for n, vs in WRONG.items() for v in vs])
