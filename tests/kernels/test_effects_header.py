@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import pytest
 from support.closed_forms import UNIT_CAMERA
 from support.kernels import ready_for
+from support.oclgrind_scenes import SCENES, prepared
 
 import mbinterval as mb
 from mbinterval.device.kernel_effects import KERNEL_EFFECTS, effect_options
@@ -111,6 +112,11 @@ def test_every_effect_is_asked_of_somewhere():
     asked = {name for _, _, each in conditions() for name in re.findall(r"(\w+)\(\)", each)}
     told = {name for line in follow.values() for name in re.findall(r"(\w+)\(\)", line)[1:]}
     assert KERNEL_EFFECTS | follow.keys() == asked | told
+
+
+def test_every_effect_is_called_for_by_a_scene_that_is_checked_for_its_accesses():
+    called_for = set().union(*(prepared(small).plan.active for small in SCENES.values()))
+    assert called_for == KERNEL_EFFECTS - {"CLANG_BUILTINS"}  # which depends on the device
 
 
 def test_an_effect_that_the_kernels_lack_has_no_option():

@@ -18,7 +18,7 @@ from unittest.mock import patch
 import numpy as np
 
 import mbinterval as mb
-from mbinterval.film.aovs import RECORDED
+from mbinterval.film.aovs import FLOWS, MOMENTARY, RECORDED
 from mbinterval.scene.model import (
     Camera,
     Environment,
@@ -86,7 +86,8 @@ def chromed() -> list[Mesh]:
     """Metals that mirror the environment and their own surroundings, moving and at rest; glass."""
     rng = np.random.default_rng(4)
     metal = {"shading": "metallic_roughness", "metallic": 1.0}
-    rough, chrome = Material("rough", **metal), Material("chrome", roughness=0.0, **metal)
+    rough = Material("rough", emission=(0.2, 0.1, 0.0), **metal)
+    chrome = Material("chrome", roughness=0.0, **metal)
     asked = Reflections(size=16, times=2)
     return [
         triangles(2, material=rough, normals=rng.normal(size=(6, 3))),
@@ -147,7 +148,7 @@ class Small:
 
 
 POINTS = {"method": "stochastic"}
-LAYERS = ("sharp", "depth", "normal", "uv", "object", "operations")
+LAYERS = ("sharp", *(name for name in MOMENTARY if name not in FLOWS), "operations")
 SKY = {"environment": Environment(np.random.default_rng(6).uniform(0, 1, (4, 8, 3)), rotation=40.0)}
 ROLL = Shutter(rolling="left", line_offset=0.01, line_exposure=0.2, curve="triangle")
 LAMPS = (
@@ -178,12 +179,14 @@ SCENES = {
         lambda: [triangles(8, near=-1.0)], {"samples": 1}, Camera(**LENS)
     ),
     "shutter": Small(colorful, {"samples": 1}, scene={"shutter": Shutter(curve=(1.0, 0.0, 2.0))}),
-    "rolling": Small(colorful, {"samples": 2}, scene={"shutter": ROLL}),
+    "rolling": Small(
+        colorful, {"samples": 2}, scene={"shutter": ROLL, "background": np.eye(3)[None]}
+    ),
     "layers": Small(
         colorful, {"samples": 2, "aovs": LAYERS, "aov_time": 1.0}, scene={"shutter": ROLL}
     ),
     "layers, behind the eye": Small(
-        lambda: [triangles(8, near=-1.0)], {"samples": 1, "aovs": (*LAYERS, "forward", "backward")}
+        lambda: [triangles(8, near=-1.0)], {"samples": 1, "aovs": (*LAYERS, *FLOWS)}
     ),
     "recorded": Small(
         colorful, {"samples": 2, "aovs": RECORDED, "event_steps": 3}, scene={"shutter": ROLL}
@@ -194,7 +197,9 @@ SCENES = {
     ),
     "translucent": Small(seen_through, {"samples": 2, "texture_samples": 18}),
     "textures over footprints": Small(colorful, {"samples": 1, "anisotropy": 3}, Camera(**LENS)),
-    "translucent, adaptive": Small(seen_through, {"samples": 1, "shading_error": 0.02}),
+    "translucent, adaptive": Small(
+        seen_through, {"samples": 1, "texture_samples": None, "shading_error": 0.02}
+    ),
     "translucent, layers": Small(
         seen_through, {"samples": 1, "aovs": LAYERS}, Camera(**LENS), {"shutter": ROLL}
     ),
@@ -246,7 +251,9 @@ SCENES = {
         crowd, {"samples": 1, "paths": "triangulated", "occlusion": 32}, capacity=48
     ),
     "stochastic": Small(colorful, {"samples": 3} | POINTS),
-    "stochastic, lens": Small(colorful, {"samples": 4} | POINTS, Camera(**LENS, blades=5)),
+    "stochastic, lens": Small(
+        colorful, {"samples": 4, "cull": "hull", "cull_tile": 4} | POINTS, Camera(**LENS, blades=5)
+    ),
     "stochastic, behind the eye": Small(
         lambda: [triangles(8, near=-1.0)], {"samples": 3, "pattern": "random"} | POINTS
     ),
@@ -276,7 +283,8 @@ SCENES = {
         lambda: mirrored(0.2), {"samples": 3} | POINTS, Camera(**LENS)
     ),
     "accumulation, glossy mirrors": Small(
-        lambda: mirrored(0.2), {"method": "accumulation", "slices": 3, "samples": 2}
+        lambda: mirrored(0.2),
+        {"method": "accumulation", "slices": 3, "samples": 2, "slice_times": "jittered"},
     ),
     "stochastic, empty": Small(list, {"samples": 1} | POINTS),
     **{
@@ -323,8 +331,8 @@ def with_cube_maps(ready: Prepared) -> Prepared:
     return add_cube_maps(ready, maps)
 
 
-def ready_for(small: Small) -> Prepared:
-    """Frame 1 of a scene, ready to be rendered."""
+def prepared(small: Small) -> Prepared:
+    """Frame 1 of a scene, ready to be rendered but for its cube maps."""
     from mbinterval.plan.prepare import prepare
 
     lights = (Light("ambient", intensity=0.3), Light("point", intensity=2.0),
@@ -333,7 +341,12 @@ def ready_for(small: Small) -> Prepared:
     scene = Scene(meshes=small.meshes(), camera=small.camera, **options)
     fast = {} if "method" in small.settings else {"tile_size": 16, "texture_samples": 2}
     settings = mb.Settings(**fast | small.settings)
-    ready = with_cube_maps(prepare(scene, 1.0, *SIZE, settings))
+    return prepare(scene, 1.0, *SIZE, settings)
+
+
+def ready_for(small: Small) -> Prepared:
+    """Frame 1 of a scene, ready to be rendered."""
+    ready = with_cube_maps(prepared(small))
     if small.capacity is None:
         return ready
     return replace(ready, plan=replace(ready.plan, capacity=small.capacity))
