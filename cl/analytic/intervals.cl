@@ -39,7 +39,7 @@ static bool append_facing(Tile *tile, Interval interval, uint path_index)
     Path path = tile->scene.paths[path_index];
     uint material = tile->scene.meshes[path.mesh].material;
     if (tile->scene.materials[material].flags & MATERIAL_SINGLE_SIDED) {
-        global const float *facing = tile->shapes[path_index].facing;
+        global const float *facing = tile->shapes[path_index].facing_changes;
         bool front = facing[0] > 0.0f;
         float low = path.open;
         for (int i = 1; i <= 4; i++, front = !front) {
@@ -76,7 +76,7 @@ static void order_fragments(Fragment *list, int count, bool by_depth)
 // Make the number of fragments even; they are in order of time.
 static int complete_fragments(Tile *tile, Fragment *list, int count, uint path_index)
 {
-    global const float *facing = tile->shapes[path_index].facing;
+    global const float *facing = tile->shapes[path_index].facing_changes;
     Path path = tile->scene.paths[path_index];
     int nearest_fragment = 0;
     float best = INFINITY, eye = 0.0f;

@@ -126,8 +126,9 @@ static void facing_over_time(const double *d, Shape *shape)
 {
     double roots[3];
     int count = bernstein_cubic_roots(d, roots);
-    shape->facing[0] = bernstein_cubic_start(d) < 0.0 ? 1.0f : -1.0f;
-    for (int i = 0; i < 3; i++) shape->facing[i + 1] = i < count ? (float)roots[i] : INFINITY;
+    shape->facing_changes[0] = bernstein_cubic_start(d) < 0.0 ? 1.0f : -1.0f;
+    for (int i = 0; i < 3; i++)
+        shape->facing_changes[i + 1] = i < count ? (float)roots[i] : INFINITY;
 }
 
 // Order of moving vertices by position, at the start and then at the end (Akenine-Möller et al.
@@ -231,7 +232,7 @@ static void shape_of_path(global const Vertex *vertices, Path path, bool single_
     facing_over_time(depth->d, shape);
 #if !LENS() // through the points of a lens a path faces the eye at other times
     single_sided &= deep == 0.0; // and so does what is sheared
-    if (single_sided && shape->facing[0] < 0.0f && shape->facing[1] > 1.0f)
+    if (single_sided && shape->facing_changes[0] < 0.0f && shape->facing_changes[1] > 1.0f)
         shape->flags |= SHAPE_CULLED;
 #endif
     for (int side = 0; side < 3; side++) {

@@ -77,7 +77,7 @@ static inline bool faces_by_sample(const Gather *g)
 static bool insert_facing(const Gather *g, const MovingTriangle *m, Place place, Changes *changes)
 {
     if (!faces_by_sample(g)) {
-        global const float *facing = g->shape->facing;
+        global const float *facing = g->shape->facing_changes;
         for (int k = 1; k < 4 && facing[k] < 1.0f; k++) insert_change(changes, facing[k], 3);
         return facing[0] < 0.0f;
     }

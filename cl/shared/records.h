@@ -197,7 +197,7 @@ typedef struct {
     float a[MAX_PLANES];
     float b[MAX_PLANES];
     float y_min, y_max; // bounds on screen, infinite where the path reaches behind the eye
-    float facing[4];    // 1 (front) or -1 at the start, then the times at which that changes
+    float facing_changes[4]; // 1 (front) or -1 at the start, then the times at which that changes
     float crossing[6];  // for side i: place of the crossing on its start and on its end, counted
                         // from the end of the edge that comes first by position
     uint planes;

@@ -71,7 +71,7 @@ LIGHT = np.dtype(
 )
 SHAPE = np.dtype(
     [("c", "f8", _MAX_PLANES), ("a", "f4", _MAX_PLANES), ("b", "f4", _MAX_PLANES)]
-    + [("y_min", "f4"), ("y_max", "f4"), ("facing", "f4", 4), ("crossing", "f4", 6)]
+    + [("y_min", "f4"), ("y_max", "f4"), ("facing_changes", "f4", 4), ("crossing", "f4", 6)]
     + [("planes", "u4"), ("flags", "u4"), ("scale", "f4"), ("near", "f4"), ("far", "f4")]
     + [("unused", "u4")]
 )

@@ -37,9 +37,9 @@ def paired(
     paths, shapes = np.zeros(16, records.PATH), np.zeros(16, records.SHAPE)
     place = np.arange(16) % segments
     paths["open"], paths["close"] = place / segments, (place + 1) / segments
-    shapes["facing"] = [1.0, np.inf, np.inf, np.inf]
+    shapes["facing_changes"] = [1.0, np.inf, np.inf, np.inf]
     for path, values in (facing or {}).items():
-        shapes["facing"][path, : len(values)] = values
+        shapes["facing_changes"][path, : len(values)] = values
     depth, part = np.full(TILE * TILE, np.inf), np.zeros(TILE * TILE, np.uint32)
     for sample, (w, path) in (static or {}).items():
         depth[sample], part[sample] = w, path << 4

@@ -79,7 +79,7 @@ def test_a_path_behind_the_eye_is_culled_and_one_that_reaches_behind_is_marked()
 @pytest.mark.parametrize("kind", ["deforming", "behind the eye", "pivoting"])
 def test_facing_changes_at_the_roots_of_the_determinant(kind):
     points = random_points(kind, 2000)
-    facing = shapes_of(*paths_of_points(points))["facing"].astype(np.float64)
+    facing = shapes_of(*paths_of_points(points))["facing_changes"].astype(np.float64)
     paths = make_paths(points)
     d = triangulated.facing(paths, np.arange(len(points)))
     roots = np.nan_to_num(triangulated.roots(d), nan=np.inf)
@@ -99,7 +99,7 @@ def test_single_sided_paths_that_never_face_the_viewer_are_culled():
     culled = shapes["flags"] & CULLED != 0
     assert not culled[seen].any()
     assert 0.1 < culled.mean() < 0.6
-    back = (shapes["facing"][:, 0] < 0) & np.isinf(shapes["facing"][:, 1])
+    back = (shapes["facing_changes"][:, 0] < 0) & np.isinf(shapes["facing_changes"][:, 1])
     assert np.array_equal(culled, back)
 
 
@@ -166,7 +166,7 @@ def test_scale_is_the_power_of_two_that_brings_w_near_one(size):
 def test_shapes_do_not_depend_on_the_scale_of_the_scene():
     points = random_points("translated", 100)
     small, large = (shapes_of(*paths_of_points(points * 2.0**k)) for k in (-40, 40))
-    for name in ("planes", "a", "b", "c", "y_min", "y_max", "facing", "flags"):
+    for name in ("planes", "a", "b", "c", "y_min", "y_max", "facing_changes", "flags"):
         assert np.array_equal(small[name], large[name]), name
 
 
