@@ -16,6 +16,7 @@ from mbinterval.film.aovs import MACROS, MOMENTARY, RECORDED
 from mbinterval.layout.alpha import has_vertex_alpha, is_translucent, varies
 from mbinterval.layout.appearance import casting
 from mbinterval.plan.sampling import filter_of, pattern_of
+from mbinterval.settings.rules import ANALYTIC
 from mbinterval.settings.settings import Settings
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from mbinterval.layout.motion import Motion
 
 
-_EXACT = ("analytic",)
 METHODS = ("analytic", "stochastic")
 """Ways to render; accumulation is stochastic in this."""
 
@@ -86,7 +86,7 @@ def _motion(
     return (
         Effect("motion", paths > 0, f"{paths} motion paths{many}", "MOVING"),
         Effect("transparency at rest", resting > 0, lists, "MOVING"),
-        Effect("exact in time", settings.paths == "exact" or not moving, kind, "EXACT", _EXACT),
+        Effect("exact in time", settings.paths == "exact" or not moving, kind, "EXACT", ANALYTIC),
         Effect("camera motion", exposure.camera_moves, camera),
     )
 
@@ -105,11 +105,15 @@ def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
     where = "each pixel has its own" if placed else "all pixels have the same"
     return (
         Effect("lens", lens, stop, "LENS"),
-        Effect("scattered samples", scattered, f"pattern={pattern!r}", "SCATTERED", _EXACT),
+        Effect("scattered samples", scattered, f"pattern={pattern!r}", "SCATTERED", ANALYTIC),
         Effect("weighted samples", weighted, lobes, "WEIGHTED"),
-        Effect("samples placed by pixel", placed, where, "PLACED", _EXACT),
+        Effect("samples placed by pixel", placed, where, "PLACED", ANALYTIC),
         Effect(
-            "samples shared by pixels", shared, f"filter={settings.filter!r}", "FIVE_POINT", _EXACT
+            "samples shared by pixels",
+            shared,
+            f"filter={settings.filter!r}",
+            "FIVE_POINT",
+            ANALYTIC,
         ),
     )
 
@@ -133,7 +137,9 @@ def _geometry(motion: Motion) -> tuple[Effect, ...]:
     static = motion.static_paths
     single = [m.name for m in motion.materials if not m.double_sided]
     return (
-        Effect("static geometry", static > 0, f"{static} triangles do not move", "STATIC", _EXACT),
+        Effect(
+            "static geometry", static > 0, f"{static} triangles do not move", "STATIC", ANALYTIC
+        ),
         Effect("single-sided", bool(single), _named("material", single), "SINGLE_SIDED"),
     )
 
@@ -262,8 +268,8 @@ def _published(settings: Settings, moving: bool) -> tuple[Effect, ...]:
     if not moving:
         pairs = bits = "nothing moves"
     return (
-        Effect("pairing by depth", by_depth, pairs, "PAIR_BY_DEPTH", _EXACT),
-        Effect("partial bits", partial, bits, "PARTIAL_BITS", _EXACT),
+        Effect("pairing by depth", by_depth, pairs, "PAIR_BY_DEPTH", ANALYTIC),
+        Effect("partial bits", partial, bits, "PARTIAL_BITS", ANALYTIC),
     )
 
 
@@ -271,12 +277,12 @@ def _layers(settings: Settings) -> tuple[Effect, ...]:
     asked = ", ".join(name for name in settings.aovs if name in MOMENTARY)
     spans = ", ".join(name for name in settings.aovs if name in RECORDED)
     layers = (
-        Effect(f"layer {name}", True, "asked for", MACROS[name], _EXACT) for name in settings.aovs
+        Effect(f"layer {name}", True, "asked for", MACROS[name], ANALYTIC) for name in settings.aovs
     )
     none = "not asked for"
     return (
-        Effect("values at one moment", bool(asked), asked or none, "MOMENTARY", _EXACT),
-        Effect("visible spans kept", bool(spans), spans or none, "RECORDED", _EXACT),
+        Effect("values at one moment", bool(asked), asked or none, "MOMENTARY", ANALYTIC),
+        Effect("visible spans kept", bool(spans), spans or none, "RECORDED", ANALYTIC),
         *layers,
     )
 
