@@ -182,6 +182,7 @@ static Seen see_again(const Tile *tile, int x, int y)
         seen.share[i] = b[0], sum += b[0];
     }
     for (int i = 0; i < 3; i++) seen.share[i] = sum != 0.0 ? seen.share[i] / sum : 1.0 / 3.0;
+    // The front is where vertices are seen counter-clockwise; edge-on counts as the front.
     seen.from_behind = sum > 0.0;
     return seen;
 }

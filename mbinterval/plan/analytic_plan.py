@@ -108,6 +108,7 @@ def _refuse_stacks(settings: Settings, active: Set[str]) -> None:
             )
 
 
+# A setting is an effect where it adds code, and a number where it only changes what code reckons.
 def _own_macros(settings: Settings, active: Set[str]) -> set[str]:
     """Return macros of what settings add to effects of the analytic path."""
     varying = active & {"PHONG", "METALLIC", "TEXTURED", "VERTEX_COLOR", "SKY"}
