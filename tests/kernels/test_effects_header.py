@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Iterator
 
 import pytest
+from support.all_effects import everything
 from support.closed_forms import UNIT_CAMERA
 from support.kernels import ready_for
 from support.oclgrind_scenes import SCENES, prepared
@@ -114,8 +115,10 @@ def test_every_effect_is_asked_of_somewhere():
     assert KERNEL_EFFECTS | follow.keys() == asked | told
 
 
-def test_every_effect_is_called_for_by_a_scene_that_is_checked_for_its_accesses():
-    called_for = set().union(*(prepared(small).plan.active for small in SCENES.values()))
+def test_every_effect_is_called_for_by_some_scene():
+    plans = [prepared(small).plan for small in SCENES.values()]
+    plans.append(ready_for(everything(), mb.Settings(), 32, 16).plan)  # colours as often as needed
+    called_for = set().union(*(plan.active for plan in plans))
     assert called_for == KERNEL_EFFECTS - {"CLANG_BUILTINS"}  # which depends on the device
 
 

@@ -197,9 +197,7 @@ SCENES = {
     ),
     "translucent": Small(seen_through, {"samples": 2, "texture_samples": 18}),
     "textures over footprints": Small(colorful, {"samples": 1, "anisotropy": 3}, Camera(**LENS)),
-    "translucent, adaptive": Small(
-        seen_through, {"samples": 1, "texture_samples": None, "shading_error": 0.02}
-    ),
+    "translucent, adaptive": Small(seen_through, {"samples": 1, "shading_error": 0.02}),
     "translucent, layers": Small(
         seen_through, {"samples": 1, "aovs": LAYERS}, Camera(**LENS), {"shutter": ROLL}
     ),
