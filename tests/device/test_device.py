@@ -276,7 +276,7 @@ def test_uploaded_arrays_come_back_and_empty_ones_are_allowed():
 def test_stages_account_for_most_of_a_render(method):
     cubes, settings = fast_cubes(200), mb.Settings(method=method, samples=4)
     shares = []
-    for _ in range(4):  # the first builds the kernels; the rest, for what others may do meanwhile
+    for _ in range(12):  # the first builds the kernels; the rest, for what others may do meanwhile
         started = time.perf_counter()
         film = mb.render(cubes, width=384, height=288, settings=settings)
         shares.append(sum(film.timings.values()) / (time.perf_counter() - started))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.kernels import ready_for
 
 import mbinterval
 from mbinterval.batch.batch import plan_tasks
@@ -133,6 +134,10 @@ def test_its_tables_of_stages_are_what_renders_time():
         {"samples": 1, "filter": "five_point", "aovs": "depth"},
         {"method": "stochastic", "pattern": "rgss"},
     )
+    sun = mbinterval.Light("directional", direction=(0, 0, -1), shadows=True)
+    lit = mbinterval.Scene(meshes=meshes, camera=camera, lights=[sun])
+    for values in ({}, {"method": "stochastic", "shadow_map": 64}):
+        timed |= set(ready_for(lit, mbinterval.Settings(**values), 16, 16).plan.stages)
     for values in ways:
         settings = mbinterval.Settings(**values)
         timed |= set(mbinterval.render(scene, width=16, height=16, settings=settings).timings)
