@@ -1,5 +1,5 @@
-// Culling method "dual_space": bounds of (u, v) and of t for each pixel, or tile of
-// `cull_tile` pixels along an edge (Laine et al. 2011, 3.1 and 3.2). Here lens coordinates lie in [-1, 1], view
+// Culling method "dual_space": bounds of (u, v) and of t for each pixel, or tile of `cull_tile`
+// pixels along an edge (Laine et al. 2011, 3.1 and 3.2). Here lens coordinates lie in [-1, 1], view
 // directions gamma are pixels, and the middle of the tile is gamma = 0.
 //
 // On the lens: the box of all corners seen from u = -1 and that from u = 1; the box at any u lies
