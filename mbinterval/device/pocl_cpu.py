@@ -24,6 +24,7 @@ inspected through /proc/self/mem, where a wrong guess is an error code and not a
 from __future__ import annotations
 
 import ctypes
+import functools
 import itertools
 import logging
 import os
@@ -92,6 +93,11 @@ def name_cpu(device: Any) -> str | None:
         ``MBINTERVAL_POCL_CPU`` is a name that does not go with PoCL's kernel library, or is empty
         where PoCL's own does not; or a name is needed and cannot be given.
     """
+    return _name_once(device, os.environ.get(SWITCH))
+
+
+@functools.cache
+def _name_once(device: Any, wanted: str | None) -> str | None:
     version = device.platform.version
     if "PoCL 3.0" not in version or "DISTRO" not in version:
         return None
@@ -99,7 +105,7 @@ def name_cpu(device: Any) -> str | None:
     if not libraries:
         return None
     own = device.version.partition(f"{_TRIPLE}-")[2].strip()
-    name = _chosen(own, libraries)
+    name = _chosen(own, wanted, libraries)
     if name is not None and not _write(device.int_ptr, name):
         if own not in _working(own, libraries):
             raise DeviceError(
@@ -111,9 +117,8 @@ def name_cpu(device: Any) -> str | None:
     return name
 
 
-def _chosen(own: str, libraries: list[_Library]) -> str | None:
+def _chosen(own: str, wanted: str | None, libraries: list[_Library]) -> str | None:
     """The name to give a CPU that PoCL calls ``own``, or None where that is to stay."""
-    wanted = os.environ.get(SWITCH)
     if wanted is None:
         inlined = any(own in (entry.cpu, *entry.alike.split()) for entry in libraries)
         return None if inlined else libraries[0].cpu

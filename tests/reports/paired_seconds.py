@@ -2,9 +2,11 @@
 
     python tests/reports/paired_seconds.py BEFORE AFTER [SCENE ...]
 
-BEFORE and AFTER are checkouts. Each version has a process of its own that keeps its kernels; of
-each row both render in turn, the first of a pair alternately, ``--pairs`` times after one render
-that builds. No pair is dropped. A line for each row: the median seconds of both, the geometric
+BEFORE and AFTER are checkouts. Of each scene there are ``--pairs`` pairs of processes, one of each
+version, since two processes of one version can differ by several per cent for as long as they live
+(where their memory lies). Both of a pair render each row in turn, the first alternately, after one
+render that prepares. What one takes is the least of as many renders as fill ``--seconds``, and of
+one at least. No pair is dropped. A line for each row: the median seconds of both, the geometric
 mean of the ratios after to before, and its one-sided upper bound of 95 % (Student's t of the
 logarithms). Ends with exit code 1 where a bound is above ``--most``.
 """
@@ -18,6 +20,7 @@ import os
 import statistics
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,23 +44,26 @@ from mbinterval.scene.generators import GENERATORS
 
 answers = os.fdopen(os.dup(1), "w")
 os.dup2(2, 1)
-scenes = {}
+source, width, height, span = json.loads(sys.argv[1])
+name, _, count = source.partition(":")
+if name not in GENERATORS:
+    scene = mb.load(source)
+else:
+    scene = GENERATORS[name](int(count)) if count else GENERATORS[name]()
 
-def scene_of(source):
-    name, _, count = source.partition(":")
-    if name not in GENERATORS:
-        return mb.load(source)
-    return GENERATORS[name](int(count)) if count else GENERATORS[name]()
+def seconds(settings):
+    start = time.perf_counter()
+    mb.render(scene, frame=1, width=width, height=height, settings=settings)
+    return time.perf_counter() - start
 
 for line in sys.stdin:
-    source, width, height, values = json.loads(line)
-    if source not in scenes:
-        scenes = {source: scene_of(source)}
     try:
-        settings = mb.Settings(**values)
-        start = time.perf_counter()
-        mb.render(scenes[source], frame=1, width=width, height=height, settings=settings)
-        answer = time.perf_counter() - start
+        settings = mb.Settings(**json.loads(line))
+        seconds(settings)
+        taken = [seconds(settings)]
+        while sum(taken) < span:
+            taken.append(seconds(settings))
+        answer = min(taken)
     except mb.UsageError as error:
         answer = str(error)
     print(json.dumps(answer), file=answers, flush=True)
@@ -65,25 +71,57 @@ for line in sys.stdin:
 
 
 class Version:
-    """A checkout in a process of its own."""
+    """A process of one checkout, with one scene."""
 
-    def __init__(self, checkout: Path) -> None:
-        environment = os.environ | {"PYTHONPATH": str(checkout)}
+    def __init__(self, checkout: Path, task: Sequence[Any]) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-c", WORKER],
+            [sys.executable, "-c", WORKER, json.dumps(task)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env=environment,
+            env=os.environ | {"PYTHONPATH": str(checkout)},
             cwd=checkout,
         )
 
-    def seconds(self, *task: Any) -> float | str:
-        """Render once; the error's text where the scene does not allow the row."""
+    def seconds(self, row: str) -> float | str:
+        """The least of some renders; the error's text where the scene does not allow the row."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        print(json.dumps(task), file=self._process.stdin, flush=True)
+        print(json.dumps(ROWS[row]), file=self._process.stdin, flush=True)
         return json.loads(self._process.stdout.readline())
+
+    def close(self) -> None:
+        self._process.communicate()
+
+
+def measure(
+    checkouts: Sequence[Path], task: Sequence[Any], rows: Sequence[str], pairs: int
+) -> dict[str, list[list[float | str]]]:
+    """Seconds by row of both versions, a list each with one for each pair."""
+    found: dict[str, list[list[float | str]]] = {row: [[], []] for row in rows}
+    for pair in range(pairs):
+        versions = [Version(checkout, task) for checkout in checkouts]
+        for row in rows:
+            for which in (0, 1) if pair % 2 == 0 else (1, 0):
+                found[row][which].append(versions[which].seconds(row))
+        for version in versions:
+            version.close()
+    return found
+
+
+def judge(before: Sequence[Any], after: Sequence[Any], most: float) -> tuple[str, bool]:
+    """The rest of a row's line, and whether the row is slower than that."""
+    if isinstance(before[0], str) or isinstance(after[0], str):
+        return f"{before[0]} | {after[0]} | | |", before[0] != after[0]
+    from scipy.stats import t
+
+    logs = [math.log(b / a) for a, b in zip(before, after, strict=True)]
+    mean = statistics.fmean(logs)
+    error = statistics.stdev(logs) / math.sqrt(len(logs))
+    bound = math.exp(mean + t.ppf(0.95, len(logs) - 1) * error)
+    mark = " !" if bound > most else ""
+    middle = f"{statistics.median(before):.3f} | {statistics.median(after):.3f}"
+    return f"{middle} | {math.exp(mean):.3f} | {bound:.3f}{mark} |", bound > most
 
 
 def main() -> int:
@@ -92,43 +130,24 @@ def main() -> int:
     parser.add_argument("after", type=Path)
     parser.add_argument("scenes", nargs="*", default=SCENES)
     parser.add_argument("--pairs", type=int, default=20)
+    parser.add_argument("--seconds", type=float, default=0.2)
     parser.add_argument("--rows", help="names, with commas between; all of them by default")
     parser.add_argument("--width", type=int, default=1024)
     parser.add_argument("--height", type=int, default=768)
     parser.add_argument("--most", type=float, default=1.03)
     given = parser.parse_args()
     rows = [row.strip() for row in given.rows.split(",")] if given.rows else list(ROWS)
-    from scipy.stats import t
-
-    versions = [Version(given.before.resolve()), Version(given.after.resolve())]
-    slower = 0
+    checkouts = [given.before.resolve(), given.after.resolve()]
     print("| scene | row | before, s | after, s | ratio | at most |")
     print("|---|---|---|---|---|---|")
+    slower = 0
     for scene in given.scenes:
         source = str(Path(scene).resolve()) if Path(scene).suffix else scene
-        for row in rows:
-            task = (source, given.width, given.height, ROWS[row])
-            first = [version.seconds(*task) for version in versions]
-            if any(isinstance(seconds, str) for seconds in first):
-                print(f"| {scene} | {row} | {first[0]} | {first[1]} | | |")
-                slower += first[0] != first[1]
-                continue
-            found = [[], []]
-            for pair in range(given.pairs):
-                for which in (0, 1) if pair % 2 == 0 else (1, 0):
-                    found[which].append(versions[which].seconds(*task))
-            logs = [math.log(b / a) for a, b in zip(*found, strict=True)]
-            mean = statistics.fmean(logs)
-            error = statistics.stdev(logs) / math.sqrt(len(logs))
-            bound = math.exp(mean + t.ppf(0.95, len(logs) - 1) * error)
-            slower += bound > given.most
-            before, after = map(statistics.median, found)
-            mark = " !" if bound > given.most else ""
-            print(
-                f"| {scene} | {row} | {before:.3f} | {after:.3f} | {math.exp(mean):.3f} "
-                f"| {bound:.3f}{mark} |",
-                flush=True,
-            )
+        task = (source, given.width, given.height, given.seconds)
+        for row, found in measure(checkouts, task, rows, given.pairs).items():
+            line, worse = judge(*found, given.most)
+            slower += worse
+            print(f"| {scene} | {row} | {line}", flush=True)
     return int(slower > 0)
 
 
