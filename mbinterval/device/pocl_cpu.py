@@ -24,7 +24,6 @@ inspected through /proc/self/mem, where a wrong guess is an error code and not a
 from __future__ import annotations
 
 import ctypes
-import functools
 import itertools
 import logging
 import os
@@ -93,14 +92,20 @@ def name_cpu(device: Any) -> str | None:
         ``MBINTERVAL_POCL_CPU`` is a name that does not go with PoCL's kernel library, or is empty
         where PoCL's own does not; or a name is needed and cannot be given.
     """
-    return _name_once(device, os.environ.get(SWITCH))
-
-
-@functools.cache
-def _name_once(device: Any, wanted: str | None) -> str | None:
     version = device.platform.version
     if "PoCL 3.0" not in version or "DISTRO" not in version:
         return None
+    key = device.int_ptr, os.environ.get(SWITCH)
+    if key not in _known:
+        _known[key] = _name(device, key[1])
+    return _known[key]
+
+
+_known: dict[tuple[int, str | None], str | None] = {}
+"""What a device was named, by its record, which PoCL keeps as long as the process lives."""
+
+
+def _name(device: Any, wanted: str | None) -> str | None:
     libraries = _libraries(device)
     if not libraries:
         return None

@@ -43,6 +43,12 @@ class Fake:
         return ctypes.string_at(self.record[101]).decode()
 
 
+@pytest.fixture(autouse=True)
+def _nothing_is_known(monkeypatch):
+    """A fake's record may lie where that of another did."""
+    monkeypatch.setattr(pocl_cpu, "_known", {})
+
+
 @pytest.fixture
 def flags(monkeypatch):
     """Sets the flags of /proc/cpuinfo; no switch is set."""
@@ -97,8 +103,9 @@ def test_a_name_is_given_where_pocls_own_does_not_go_with_its_library(
 
 def test_sandy_bridge_emulated_on_a_cpu_with_fused_multiply_add_is_not_given_one(flags):
     flags(AVX512)
-    assert pocl_cpu.name_cpu(Fake("sandybridge", 8, fused=False)) is None
-    assert pocl_cpu.name_cpu(Fake("generic", 8, fused=False)) == "ivybridge"
+    own, unknown = Fake("sandybridge", 8, fused=False), Fake("generic", 8, fused=False)
+    assert pocl_cpu.name_cpu(own) is None
+    assert pocl_cpu.name_cpu(unknown) == "ivybridge"
 
 
 def test_without_cpuinfo_a_name_is_given_by_what_pocl_tells(monkeypatch):
@@ -107,8 +114,9 @@ def test_without_cpuinfo_a_name_is_given_by_what_pocl_tells(monkeypatch):
 
     monkeypatch.delenv(pocl_cpu.SWITCH, raising=False)
     monkeypatch.setattr(Path, "read_text", missing)
-    assert pocl_cpu.name_cpu(Fake("generic", 16)) == "skylake-avx512"
-    assert pocl_cpu.name_cpu(Fake("generic", 1)) is None  # no x86 that PoCL has a library for
+    wide, narrow = Fake("generic", 16), Fake("generic", 1)
+    assert pocl_cpu.name_cpu(wide) == "skylake-avx512"
+    assert pocl_cpu.name_cpu(narrow) is None  # no x86 that PoCL has a library for
 
 
 @pytest.mark.parametrize(
