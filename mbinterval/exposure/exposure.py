@@ -265,6 +265,8 @@ def _check_scale(
     lit = ", where a light has a place" if placed else ""
     size, eye = 0.0, cameras[0].eye[0]
     moving = np.concatenate([poses.eye for poses in cameras.values()])
+    if all(_clearly_in(mesh, moving, low, high) for mesh in meshes):
+        meshes = ()
     for mesh in meshes:
         first, last = mesh.positions.min(axis=(0, 1)), mesh.positions.max(axis=(0, 1))
         eyes = np.concatenate([moving, mesh.poses.eye])
@@ -289,6 +291,14 @@ def _check_scale(
             f"every vertex is within {size:.3g} of the camera; {low:g} is the least that can be "
             f"rendered{lit}: use smaller units"
         )
+
+
+def _clearly_in(mesh: MeshExposure, eyes: Float64, low: float, high: float) -> bool:
+    """Whether a mesh is far from the limits of scale, by a quick look at its numbers."""
+    largest = max(float(mesh.positions.max()), -float(mesh.positions.min()))
+    farthest = max(float(np.abs(eyes).max()), float(np.abs(mesh.poses.eye).max()))
+    near = np.abs(mesh.positions[0, :1] - eyes[0]).max(initial=0.0)
+    return bool(near > low and 2.0 * (largest + farthest) < high)
 
 
 def _outside(scene: Scene, window: Window) -> list[str]:

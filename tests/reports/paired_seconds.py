@@ -6,9 +6,10 @@ BEFORE and AFTER are checkouts. Of each scene there are ``--pairs`` pairs of pro
 version, since two processes of one version can differ by several per cent for as long as they live
 (where their memory lies). Both of a pair render each row in turn, the first alternately, after one
 render that prepares. What one takes is the least of as many renders as fill ``--seconds``, and of
-one at least. No pair is dropped. A line for each row: the median seconds of both, the geometric
-mean of the ratios after to before, and its one-sided upper bound of 95 % (Student's t of the
-logarithms). Ends with exit code 1 where a bound is above ``--most``.
+one at least, in processes that keep their memory. No pair is dropped. A line for each row: the
+median seconds of both, the geometric mean of the ratios after to before, and its one-sided upper
+bound of 95 % (Student's t of the logarithms). Ends with exit code 1 where a bound is above
+``--most``.
 """
 
 from __future__ import annotations
@@ -69,6 +70,13 @@ for line in sys.stdin:
     print(json.dumps(answer), file=answers, flush=True)
 """
 
+KEEP = {
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 32),
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 32),
+    "MALLOC_TOP_PAD_": str(1 << 28),
+}
+"""Has glibc keep memory: to take it from the system for every frame is most of the noise."""
+
 
 class Version:
     """A process of one checkout, with one scene."""
@@ -79,7 +87,7 @@ class Version:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env=os.environ | {"PYTHONPATH": str(checkout)},
+            env=os.environ | KEEP | {"PYTHONPATH": str(checkout)},
             cwd=checkout,
         )
 
