@@ -138,7 +138,22 @@ def _client(dask: Any) -> Iterator[Any]:
     try:
         yield client
     finally:
-        client.close(timeout=10)
+        with _unheard():
+            client.close(timeout=10)
+
+
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """What calls in flight say on Dask's event loop when a job ends early is of use to nobody."""
+    loggers = [logging.getLogger(name) for name in ("tornado.application", "distributed")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 class _Farm:
@@ -191,7 +206,8 @@ class _Farm:
                 if progress is not None:
                     progress(1.0)
         finally:
-            self.client.cancel(list(self.running))
+            with _unheard():
+                self.client.cancel(list(self.running))
 
     def _outcome(self, task: Task, last: Done) -> Outcome:
         bands = self.back.pop(task)
