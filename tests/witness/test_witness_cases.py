@@ -247,7 +247,6 @@ def test_the_layer_of_normals_is_what_shading_has():
     assert np.abs(film.layers["normal"] - right).max() < 1e-3
 
 
-@wrong("what appears while the shutter is open shades itself in mirrors, at some times")
 def test_what_appears_is_lit_in_a_mirror():
     flag = Mesh(
         [[0.58, 0.53, 0], [-0.58, 0.53, 0.08], [0, 0, 0.42]], [[0, 1, 2]], material=Material(),

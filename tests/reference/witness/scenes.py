@@ -238,9 +238,7 @@ class _Builder:
         self.add_attributes(given)
         ways = (self.slide, self.turn, self.spline, self.arrays, self.nest, self.morph, self.skin)
         if number > 0:
-            ways += (self.rest, self.own_shutter)
-            if not (self.effects.mirror and self.effects.shadows):  # a case of its own
-                ways += (self.appear,)
+            ways += (self.rest, self.own_shutter, self.appear)
         way = self.pick(*ways)
         # Flat normals of what deforms are chords between the ends of segments.
         if way in (self.arrays, self.morph) or self.pick(True, False):
