@@ -206,7 +206,7 @@ def test_layers_show_the_mirror_itself(layered):
         assert np.array_equal(found.layers[name], bare.layers[name], equal_nan=True)
     # Glass before a mirror hides as much of it as without.
     assert found.rgba[..., 3] == pytest.approx(bare.rgba[..., 3], abs=2e-6)
-    assert found.depth == pytest.approx(bare.depth, rel=0.02)  # by the middles of other spans
+    assert found.depth == pytest.approx(bare.depth, rel=2e-6)
     ids = found.layers["crypto_object"], bare.layers["crypto_object"]
     for index in range(len(surfaces)):
         shares = [_share_of(layer, f"object {index + 1}") for layer in ids]

@@ -23,6 +23,8 @@ from mbinterval.exposure.poses import CameraPoses
 UV, NORMAL, COLOR, ALPHA = slice(0, 2), slice(2, 5), slice(5, 8), slice(8, 9)
 ATTRIBUTES = 9
 """Columns of attributes: uv, world normal, vertex colour and its alpha."""
+GAUSS = 24
+"""Points of a span at which its depth is evaluated for the mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +115,14 @@ class Intervals:
         """Depth of intervals ``index`` at global times ``t``, linear between the ends."""
         (t0, t1), (w0, w1) = self.t[index].T, self.w[index].T
         return w0 + (t - t0) / (t1 - t0) * (w1 - w0)
+
+    def mean_depth(self, index: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Mean depth of intervals ``index`` over times ``t`` ``(M, 2)``, by Gauss's rule."""
+        places, weights = np.polynomial.legendre.leggauss(GAUSS)
+        return sum(
+            0.5 * weight * self.depth(index, t.mean(axis=1) + 0.5 * place * np.diff(t)[:, 0])
+            for place, weight in zip(places, weights, strict=True)
+        )
 
     def values(self, index: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Attributes ``(M, A)`` of intervals ``index`` at global times ``t``, linear likewise."""

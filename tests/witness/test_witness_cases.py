@@ -227,7 +227,6 @@ def test_flat_normals_of_what_deforms_are_those_of_the_moment():
         assert np.abs(away[12, 16]).max() < 5e-3
 
 
-@wrong("film.depth takes each span's depth in its middle")
 def test_the_films_depth_is_the_mean_of_what_is_visible():
     near = Track([-0.25, 0.25], [[0, 0, 2.0], [0, 0, -8.0]])
     wall = quad(-20, 20, high=20, transform=Transform(translation=near))
