@@ -44,19 +44,15 @@ def two_mirrors() -> list[Surface]:
 
 
 def lit() -> list[Surface]:
-    """Triangles that do not turn: normals are blended between the ends of a motion segment."""
-    shiny = []
-    for k, s in enumerate(crowd(4)):
-        shift = (s.corners[:, 1] - s.corners[:, 0]).mean(axis=1, keepdims=True)
-        corners = np.stack([s.corners[:, 0], s.corners[:, 0] + shift], axis=1)
-        shiny.append(replace(s, corners=corners, lit=True, specular=0.5 * (k % 2)))
+    """Triangles that shine, and turn and bend as they fly."""
+    shiny = [replace(s, lit=True, specular=0.5 * (k % 2)) for k, s in enumerate(crowd(4))]
     return [mirror(0.8, lit=True), *shiny]
 
 
 def shaded() -> list[Surface]:
     """Some of those before the mirror, across it and behind the eye, one of glass, and the wall."""
     surfaces = lit()
-    few = [surfaces[k] for k in (0, 1, 2, 5, 11, 17, 19, 22, 25, 27)]
+    few = [surfaces[k] for k in (0, 1, 2, 5, 7, 11, 17, 19, 22, 25, 27)]
     return [*few[:3], replace(few[3], opacity=0.4), *few[4:]]
 
 

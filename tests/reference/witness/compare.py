@@ -145,9 +145,6 @@ def _moment(case: Case, size: tuple[int, int], film: Film) -> list[str]:
         if name not in film.layers:
             continue
         got, right = film.layers[name].astype(float), truth[name]
-        if name == "normal":  # its side has a case of its own
-            side = np.sum(got * right, axis=-1, keepdims=True)
-            right = np.where(side < 0.0, -right, right)
         with np.errstate(invalid="ignore"):
             off = np.abs(got - right)
         off = np.where((got == right) | (np.isnan(got) & np.isnan(right)), 0.0, off)
