@@ -10,6 +10,7 @@
 #include "shared/effects.h"
 #include "analytic/mirror_walk.h"
 #include "analytic/line_window.h"
+#include "analytic/mean_depth.h"
 
 // Spans of the same times, front to back, and the time of them that is asked for.
 typedef struct {
@@ -57,11 +58,6 @@ static inline void scale_added(const Tile *tile, uint count, float by)
 static inline float alpha_of(const Tile *tile, Span span)
 {
     return alpha_of_path(tile, span.source);
-}
-
-static inline float middle_depth(const Tile *tile, Span span, Place place)
-{
-    return span_depth(tile, span, place, 0.5f * (span.t0 + span.t1));
 }
 
 #if MIRRORS()
@@ -146,6 +142,28 @@ typedef struct {
     Lanes light;
 } Moments;
 
+// What a layer, of which `seen_part` is seen at the places, adds of depth: the mean depth times how
+// much is seen, and what both change by together, from place to place and within the parts around
+// them, where they are nearly linear.
+static float added_depth(const Tile *tile, const Viewer *viewer, const Moments *moments,
+                         uint source, const Lanes *seen_part)
+{
+    const Instants places = moments->places;
+    const Lanes light = moments->light, part = *seen_part;
+    Span here = moments->stretch;
+    here.source = source;
+    Lanes w = depths_along(tile, here, viewer->place, times_of(here, places));
+    const float since = here.t0, step = (here.t1 - here.t0) / places.n;
+    here.t0 = since + step * places.first, here.t1 = since + step * (places.first + places.count);
+    float mean = mean_depth(tile, viewer->window, here, viewer->place);
+    float given = lanes_sum(light), seen = lanes_sum(light * part);
+    float by_rule = given > 0.0f ? lanes_sum(light * w) / given : mean;
+    Lanes both = lanes_steps(part) * lanes_steps(w);
+    both = LANE_INDEX < places.count - 1.0f ? both : (Lanes)(0.0f);
+    float within = given * lanes_sum(both) / (12.0f * max(places.count - 1, 1));
+    return seen * (mean - by_rule) + lanes_sum(light * part * w) + within;
+}
+
 // What the layers add at these moments of a stack's time: sums over them, of each layer for stage
 // "record" if they are to be kept. False where that would not be exact enough.
 static bool blend_places(const Tile *tile, const Viewer *viewer, const Stack *stack,
@@ -172,8 +190,7 @@ static bool blend_places(const Tile *tile, const Viewer *viewer, const Stack *st
         Colors added = {part * here.x, part * here.y, part * here.z, part};
         all.x += added.x, all.y += added.y, all.z += added.z, all.alpha += part;
         if (keep) keep_added(tile, i, weighted_sum(&added, light));
-        span.source = spans[min(i, mirror)].source;
-        sum->depth += lanes_sum(light * part) * middle_depth(tile, span, viewer->place);
+        sum->depth += added_depth(tile, viewer, moments, spans[min(i, mirror)].source, &part);
         rest -= part;
         left = lanes_sum(light * rest);
     }
@@ -183,9 +200,7 @@ static bool blend_places(const Tile *tile, const Viewer *viewer, const Stack *st
         Colors added = {rest * behind.x, rest * behind.y, rest * behind.z, rest};
         all.x += added.x, all.y += added.y, all.z += added.z, all.alpha += rest;
         if (keep) keep_added(tile, mirror, weighted_sum(&added, light));
-        Span shown = stretch;
-        shown.source = spans[mirror].source;
-        sum->depth += left * middle_depth(tile, shown, viewer->place);
+        sum->depth += added_depth(tile, viewer, moments, spans[mirror].source, &rest);
     }
 #endif
     sum->color = weighted_sum(&all, light);
@@ -238,7 +253,7 @@ static Blended blend_stack(const Tile *tile, const Viewer *viewer, const Stack *
         float alpha = alpha_of(tile, span);
         float3 color = span_color(tile, viewer, span);
         if (i <= mirror) // of what it shows a mirror's own
-            depth = middle_depth(tile, span, viewer->place);
+            depth = mean_depth(tile, viewer->window, span, viewer->place);
         sum.color += rest * alpha * (float4)(color, 1.0f);
         keep_added(tile, i, rest * alpha * (float4)(color, 1.0f));
         sum.depth += rest * alpha * depth;

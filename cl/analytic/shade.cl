@@ -4,11 +4,7 @@
 // Colour is averaged over places along the visible part, as many as quadrature.h says.
 #include "shared/effects.h"
 #include "analytic/line_window.h"
-#if EXACT()
-#include "analytic/varying_exact.h"
-#else
-#include "analytic/varying_surface.h"
-#endif
+#include "analytic/mean_depth.h"
 #include "analytic/surface_color.h"
 #if SHADOWS()
 #include "analytic/shadow.h"
@@ -244,7 +240,7 @@ static void add_spans(Tile *tile, int sample, int pixel, global const Span *span
         if (i + SPANS_AHEAD < count) fetch_path(tile, span_path(tile, spans[i + SPANS_AHEAD]));
         Span span = spans[i];
         color += span.weight * (float4)(span_color(tile, &viewer, span), 1.0f);
-        depth += span.weight * span_depth(tile, span, viewer.place, 0.5f * (span.t0 + span.t1));
+        depth += span.weight * mean_depth(tile, viewer.window, span, viewer.place);
     }
 #endif
 #if SKY()

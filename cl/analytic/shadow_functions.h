@@ -131,7 +131,9 @@ static INLINED void load_casters(const Tile *tile, const Casters *casters, doubl
     for (int lane = 0; lane < CASTERS; lane++) {
         int k = min(lane, casters->count - 1);
         Path path = tile->scene.paths[casters->path[k]];
-        double over = 1.0 / path_length(path);
+        // In double, as the receiver's: by a rounded length what is seen in a mirror would leave
+        // the plane that it is mirrored from.
+        double over = 1.0 / ((double)path.close - path.open);
         double low = (casters->t0[k] - path.open) * over;
         double high = (casters->t1[k] - path.open) * over;
         const uint corner[3] = {path.a, path.b, path.c};

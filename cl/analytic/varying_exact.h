@@ -46,6 +46,16 @@ static INLINED Lanes varying_depth(const Varying *v, Lanes t)
     return lanes_min(lanes_max(w, v->near), v->far);
 }
 
+// Likewise of the span's path, whatever else is known of it.
+static INLINED Lanes depths_along(const Tile *tile, Span span, Place place, Lanes t)
+{
+    global const Depth *depth = tile->depths + span.source;
+    const Varying v = {
+        .depth = depth_curve(tile, span.source, place), .near = depth->near, .far = depth->far
+    };
+    return varying_depth(&v, t);
+}
+
 static Attributes attributes_at(const Shaded *s, const Varying *v, const Lanes *t)
 {
     LaneDoubles tau = (to_lane_doubles(*t) - s->path.open) / path_length(s->path), rest = 1.0 - tau;

@@ -9,6 +9,9 @@
 #if LIT()
 #include "shared/shading.h"
 #endif
+#if LIT() || AOV_NORMAL()
+#include "shared/flat_normals.h"
+#endif
 #if TEXTURED()
 #include "shared/textures.h"
 #endif
@@ -29,6 +32,9 @@ typedef struct {
     float2 window; // when the sample is exposed
     float2 uv[6];
     float3 normal[6], color[6];
+#if FACES_TURN()
+    float3 bend;    // of a flat normal: what it is off a line between its ends, over their shares
+#endif
 #if VERTEX_ALPHA()
     float alpha[6];
 #endif
@@ -87,19 +93,30 @@ static inline global const Camera *segment_camera(const Scene *scene, const Shad
            + (s->path.step == 0 ? 0u : s->segment + (uint)end);
 }
 
-// Unit normal of the flat triangle at the segment's start (0) or end (1), in the world.
-static float3 face_normal(const Scene *scene, const Shaded *s, int end)
+// The path's triangle at the segment's start (0) or end (1).
+static inline FaceEnd face_end(const Scene *scene, const Shaded *s, int end)
 {
-    global const double *m = segment_camera(scene, s, end)->inverse;
-    double3 p[3];
-    for (int i = 0; i < 3; i++) {
-        Vertex q = scene->vertices[corner_vertex(s->path, i + 3 * end)];
-        p[i] = (double3)(m[0] * q.x + m[1] * q.y + m[2] * q.w, m[3] * q.x + m[4] * q.y + m[5] * q.w,
-                         m[6] * q.x + m[7] * q.y + m[8] * q.w);
-    }
-    double3 n = cross(p[1] - p[0], p[2] - p[0]);
-    double size = sqrt(dot(n, n));
-    return convert_float3(size > 0.0 ? n / size : n);
+    FaceEnd found = {.camera = segment_camera(scene, s, end)};
+    for (int i = 0; i < 3; i++)
+        found.corner[i] = scene->vertices + corner_vertex(s->path, i + 3 * end);
+    return found;
+}
+#endif
+
+#if LIT()
+// Normals of the corners of a mesh that has none.
+static void load_flat_normals(const Scene *scene, Shaded *s)
+{
+#if FACES_TURN()
+    double3 n[3];
+    flat_normals(face_end(scene, s, 0), face_end(scene, s, 1), n);
+    for (int i = 0; i < 6; i++) s->normal[i] = convert_float3(n[i / 3 * 2]);
+    s->bend = convert_float3(2.0 * n[1] - n[0] - n[2]);
+#else
+    for (int end = 0; end < 2; end++)
+        s->normal[3 * end] = s->normal[3 * end + 1] = s->normal[3 * end + 2]
+            = flat_normal(face_end(scene, s, end));
+#endif
 }
 #endif
 
@@ -164,10 +181,10 @@ static void load_corners(const Scene *scene, Shaded *s)
 #endif
     }
 #if LIT()
-    if (mesh.normal == NONE && (s->material.flags & MATERIAL_LIT))
-        for (int end = 0; end < 2; end++)
-            s->normal[3 * end] = s->normal[3 * end + 1] = s->normal[3 * end + 2]
-                = face_normal(scene, s, end);
+#if FACES_TURN()
+    s->bend = 0.0f;
+#endif
+    if (mesh.normal == NONE && (s->material.flags & MATERIAL_LIT)) load_flat_normals(scene, s);
 #endif
 }
 
@@ -184,6 +201,10 @@ static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
 #endif
 #if LIT()
     for (int i = 0; i < 6; i++) a.normal = lanes_added(a.normal, weights[i], s->normal[i]);
+#if FACES_TURN()
+    Lanes start = weights[0] + weights[1] + weights[2], end = weights[3] + weights[4] + weights[5];
+    a.normal = lanes_added(a.normal, start * end / (start + end), s->bend);
+#endif
 #endif
 #if VERTEX_COLOR()
     a.color.x = a.color.y = a.color.z = 0.0f;

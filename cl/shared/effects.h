@@ -45,6 +45,7 @@
 #define PHONG() GIVEN(MB_PHONG)
 #define METALLIC() GIVEN(MB_METALLIC)
 #define EMISSION() GIVEN(MB_EMISSION)
+#define FACES_TURN() GIVEN(MB_FACES_TURN) // flat normals change while the shutter is open
 #define SHADING_ERROR() GIVEN(MB_SHADING_ERROR) // colours are evaluated as often as this needs
 #define ANISOTROPY() GIVEN(MB_ANISOTROPY) // textures are read over a sample's footprint
 

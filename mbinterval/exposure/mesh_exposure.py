@@ -20,6 +20,8 @@ Float32 = NDArray[np.float32]
 
 _SHORT, _LONG = 1e-9, 1e9
 """Lengths of normals whose squares float32 holds well."""
+_RIGID = 1e-9
+"""Of a mesh's size: vertices that are no further off where a shift takes them only round."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,13 @@ class MeshExposure:
     world: int = 0
     mirror: int = 0
     reason: str = ""
+
+    @property
+    def faces_turn(self) -> bool:
+        """Whether faces turn or change their shape: whether it does more than shift as a whole."""
+        rest = self.positions[0] - self.positions[0, :1]
+        least = _RIGID * np.abs(rest).max()
+        return any(np.abs((now - now[:1]) - rest).max() > least for now in self.positions[1:])
 
 
 def expose_mesh(

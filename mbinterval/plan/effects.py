@@ -195,12 +195,26 @@ def _shading(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
         Effect("metallic-roughness shading", bool(metallic), _named("material", metallic),
                "METALLIC"),
         Effect("emission", bool(glowing), _named("material", glowing), "EMISSION"),
+        _faces_turn(exposure, settings),
         Effect("point lights", lit and points > 0, lamps, "POINT_LIGHTS"),
         Effect("spot lights", lit and spots > 0, cones, "SPOT_LIGHTS"),
         Effect("shadows", lit and casters > 0, darkness, "SHADOWS"),
         Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
         Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
     )  # fmt: skip
+
+
+def _faces_turn(exposure: Exposure, settings: Settings) -> Effect:
+    """Flat normals over time, where shading or a layer asks for them."""
+    layer = "normal" in settings.aovs
+    turning = [
+        mesh.mesh.name
+        for mesh in exposure.meshes
+        if mesh.normals is None
+        and (layer or mesh.mesh.material is None or mesh.mesh.material.shading != "unlit")
+        and mesh.faces_turn
+    ]
+    return Effect("flat normals over time", bool(turning), _named("mesh", turning), "FACES_TURN")
 
 
 def _around(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Effect, ...]:

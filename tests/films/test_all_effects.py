@@ -38,7 +38,16 @@ def test_it_calls_for_every_effect_of_light_and_surfaces():
     active = {effect.macro for effect in effects if effect.active}
     assert active >= {
         *("MOVING", "LENS", "TRANSLUCENT", "ALPHA_VARIES", "PHONG", "METALLIC"),
-        *("EMISSION", "POINT_LIGHTS", "SPOT_LIGHTS", "SHADOWS", "TEXTURED", "MIRRORS", "GLOSSY"),
+        *(
+            "EMISSION",
+            "FACES_TURN",
+            "POINT_LIGHTS",
+            "SPOT_LIGHTS",
+            "SHADOWS",
+            "TEXTURED",
+            "MIRRORS",
+            "GLOSSY",
+        ),
         *("ENVIRONMENT", "SKY", "REFLECTIONS"),
     }
 

@@ -189,6 +189,30 @@ def test_normals_point_to_the_viewer_in_the_world_and_are_of_length_one(double_s
     assert seen == pytest.approx(np.broadcast_to(want * double_sided, seen.shape), abs=1e-6)
 
 
+@pytest.mark.parametrize("paths", ["exact", "triangulated"])
+@pytest.mark.parametrize("double_sided", [True, False])
+def test_normals_are_those_that_shading_has(double_sided, paths):
+    """Where vertices' normals look away from the eye, whichever way the face is wound."""
+    normals = np.array([[0.3, 0, 1], [0.3, 0, -1], [0.3, 0, -1.2], [0.3, 0, 1]])
+    towards = np.array([0.6, 0.0, 0.8])
+    sun = mb.Light("directional", direction=tuple(-towards))
+    material = Material(specular=(0, 0, 0), double_sided=double_sided)
+    sides = []
+    for way in (1, -1):  # seen from the front, and from the back if that is seen
+        mesh = Mesh(world(WHOLE, 2.0, SIZE), FACES[:, ::way], normals=normals, material=material)
+        found = film(scene_of(mesh, lights=[sun]), "normal", paths=paths, occlusion="exact")
+        seen = found.rgba[..., 3] > 0
+        n = found.layers["normal"][seen]
+        assert found.rgba[seen][:, 0] == pytest.approx(np.maximum(n @ towards, 0.0), abs=1e-6)
+        ray = np.stack([X - 16, 8 - Y, np.full(X.shape, -16.0)], axis=-1)[seen]
+        sides.append(np.sum(n * ray, axis=-1) <= 1e-6)
+        assert seen.all() == (double_sided or way == 1)
+    if double_sided:
+        assert all(side.all() for side in sides)
+    else:
+        assert 0.2 < sides[0].mean() < 0.8
+
+
 def test_ids_stay_when_others_vanish_and_the_file_names_them():
     paint, wood = Material("paint", shading="unlit"), Material("wood", shading="unlit")
     places = rectangle(0, 10, 0, 16), rectangle(10, 20, 0, 16), rectangle(20, 32, 0, 16)

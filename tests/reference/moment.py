@@ -16,6 +16,7 @@ from . import exact
 from .accumulation import slice_hits
 from .paths import NORMAL, UV, paths_of, to_pixels
 from .samples import Grid
+from .shading import Shader
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +49,14 @@ def moment(exposure: Exposure, width: int, height: int, t: float) -> Moment:
     values = np.einsum(
         "mv,mva->ma", share, (1.0 - tau)[:, None, None] * first + tau[:, None, None] * last
     )
-    points = paths.points[path]
-    now = (1.0 - tau)[:, None, None] * points[:, 0] + tau[:, None, None] * points[:, 1]
-    behind = (np.linalg.det(now) > 0) & ~paths.single_sided[path]
-    normal = np.where(behind[:, None], -1.0, 1.0) * values[:, NORMAL]
+    normal = paths.normals(path, np.full(len(path), t), values[:, NORMAL])
+    view, ray = Shader(exposure, paths, (width, height)), np.zeros((len(path), 3))
+    for mesh in np.unique(paths.mesh[path]):
+        own = np.flatnonzero(paths.mesh[path] == mesh)
+        place = [part[own] for part in grid.positions(seen)]
+        ray[own] = view._view(mesh, path[own], *place, np.full(len(own), t))[1]
+    away = ((normal * ray).sum(axis=1) > 0) & ~paths.single_sided[path]
+    normal = np.where(away[:, None], -1.0, 1.0) * normal
     begin = np.searchsorted(paths.mesh, paths.mesh[path])
     face = (path - begin) // np.maximum(paths.segments[path], 1)
 

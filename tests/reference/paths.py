@@ -20,9 +20,13 @@ from mbinterval.exposure.exposure import Exposure
 from mbinterval.exposure.mesh_exposure import MeshExposure
 from mbinterval.exposure.poses import CameraPoses
 
+from .bernstein import evaluate
+
 UV, NORMAL, COLOR, ALPHA = slice(0, 2), slice(2, 5), slice(5, 8), slice(8, 9)
 ATTRIBUTES = 9
 """Columns of attributes: uv, world normal, vertex colour and its alpha."""
+GAUSS = 24
+"""Points of a span at which its depth is evaluated for the mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,9 @@ class Paths:
         ``(P,)`` whether nothing behind it is ever seen through it.
     attributes
         ``(P, 2, 3, A)``; A = 0 where no mesh needs any, else ``ATTRIBUTES``.
+    flat
+        ``(P, 3, 3)`` Bernstein coefficients of the normal of a face whose vertices move linearly in
+        the world, of any length; NaN where vertices have normals.
     mesh
         ``(P,)`` index of the mesh in the exposure.
     """
@@ -60,10 +67,16 @@ class Paths:
     alpha: np.ndarray
     opaque: np.ndarray
     attributes: np.ndarray
+    flat: np.ndarray
     mesh: np.ndarray
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def normals(self, path: np.ndarray, t: np.ndarray, given: np.ndarray) -> np.ndarray:
+        """Normals ``(M, 3)`` at global times ``t``: those of faces, or of vertices as ``given``."""
+        flat = evaluate(self.flat[path].swapaxes(1, 2), self.local(path, t)[:, None])
+        return np.where(np.isnan(flat), given, flat)
 
     def time(self, path: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Global time of local times ``tau`` of segments of ``path``."""
@@ -114,6 +127,14 @@ class Intervals:
         (t0, t1), (w0, w1) = self.t[index].T, self.w[index].T
         return w0 + (t - t0) / (t1 - t0) * (w1 - w0)
 
+    def mean_depth(self, index: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Mean depth of intervals ``index`` over times ``t`` ``(M, 2)``, by Gauss's rule."""
+        places, weights = np.polynomial.legendre.leggauss(GAUSS)
+        return sum(
+            0.5 * weight * self.depth(index, t.mean(axis=1) + 0.5 * place * np.diff(t)[:, 0])
+            for place, weight in zip(places, weights, strict=True)
+        )
+
     def values(self, index: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Attributes ``(M, A)`` of intervals ``index`` at global times ``t``, linear likewise."""
         t0, t1 = self.t[index].T
@@ -156,6 +177,7 @@ def make_paths(
         alpha=np.ones(count),
         opaque=np.ones(count, dtype=bool),
         attributes=np.zeros((count, 2, 3, 0)),
+        flat=np.full((count, 3, 3), np.nan),
         mesh=np.zeros(count, dtype=np.int64),
     )
 
@@ -219,8 +241,7 @@ def _mesh_paths(
     world = [mesh.positions[min(time, len(mesh.positions) - 1)] for time in ends]
     pixels = [to_pixels(p, poses, t, *size)[faces] for p, t in zip(world, ends, strict=True)]
     values = [
-        _attributes(mesh, time, p) if attributes else np.zeros((len(faces), 3, 0))
-        for time, p in zip(ends, world, strict=True)
+        _attributes(mesh, time) if attributes else np.zeros((len(faces), 3, 0)) for time in ends
     ]
     material = mesh.mesh.material
     base = np.ones(3) if material is None else np.asarray(material.base_color)
@@ -237,8 +258,20 @@ def _mesh_paths(
         alpha=np.repeat(alpha, count),
         opaque=np.repeat(opaque, count),
         attributes=_per_segment(values),
+        flat=_flat_normals(_per_segment([corners[faces] for corners in world]), mesh),
         mesh=np.full(total, index),
     )
+
+
+def _flat_normals(corners: np.ndarray, mesh: MeshExposure) -> np.ndarray:
+    """Cross products of edges that move linearly, of world corners ``(P, 2, 3, 3)``."""
+    (u0, v0), (u1, v1) = (
+        (corners[:, end, 1] - corners[:, end, 0], corners[:, end, 2] - corners[:, end, 0])
+        for end in (0, 1)
+    )
+    middle = 0.5 * (np.cross(u0, v1) + np.cross(u1, v0))
+    flat = np.stack([np.cross(u0, v0), middle, np.cross(u1, v1)], axis=1)
+    return flat if mesh.normals is None else np.full_like(flat, np.nan)
 
 
 def _per_segment(values: list[np.ndarray]) -> np.ndarray:
@@ -247,15 +280,11 @@ def _per_segment(values: list[np.ndarray]) -> np.ndarray:
     return pairs.reshape(pairs.shape[0] * pairs.shape[1], *pairs.shape[2:])
 
 
-def _attributes(mesh: MeshExposure, time: int, world: np.ndarray) -> np.ndarray:
-    """Attributes ``(F, 3, ATTRIBUTES)`` at shutter time ``time``; flat unit normals where none."""
+def _attributes(mesh: MeshExposure, time: int) -> np.ndarray:
+    """Attributes ``(F, 3, ATTRIBUTES)`` at shutter time ``time``; normals are 0 where none."""
     faces = mesh.mesh.faces
     result = np.zeros((len(faces), 3, ATTRIBUTES))
     result[..., COLOR] = result[..., ALPHA] = 1.0
-    corners = world[faces]
-    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(flat, axis=1, keepdims=True)
-    result[..., NORMAL] = (flat / np.where(size > 0, size, 1.0))[:, None]
     for first, values in ((UV, mesh.uv), (NORMAL, mesh.normals), (COLOR, mesh.color)):
         if values is not None:
             columns = slice(first.start, first.start + values.shape[-1])

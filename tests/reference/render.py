@@ -140,7 +140,7 @@ def integrate(
 def _sums(paths: Paths, solve: Solve, shade: Shade, grid: Grid) -> np.ndarray:
     intervals, spans = solve(paths, grid)
     sample = intervals.sample[spans.interval]
-    w = intervals.depth(spans.interval, spans.t.mean(axis=1))
+    w = intervals.mean_depth(spans.interval, spans.t)
     columns = [*shade(intervals, spans, grid).T, np.ones(len(sample)), w]
     sums = [np.bincount(sample, spans.weight * c, grid.count) for c in columns]
     sums.append(np.bincount(intervals.sample, minlength=grid.count).astype(np.float64))

@@ -8,9 +8,9 @@ bilinear in the two nearest levels, texel centres at one half, v pointing up.
 
 A point seen at depth w and segment time tau lies at eye + w ray, where eye and ray (through the
 sample, at w = 1) run linearly from the camera's pose at one end of the segment to the other's.
-Normals are used as they are given, linear over the interval and then normalized; a flat surface
-takes its unit normals at both ends of the segment. The viewer's side of a two-sided surface is
-lit. There is no highlight where a light is behind the surface.
+Normals are used as they are given, linear over the interval and then normalized; that of a flat
+surface is the cross product of its edges, whose ends move linearly in the world. The viewer's side
+of a two-sided surface is lit. There is no highlight where a light is behind the surface.
 
 Texels count by their alpha wherever they are averaged, if the material doesn't ignore it: they
 are premultiplied, and what is found is divided by the alpha that is found.
@@ -89,7 +89,8 @@ class Shader:
         w = intervals.depth(spans.interval, t)
         x, y = samples.positions(intervals.sample[spans.interval])
         eye, ray = self._view(mesh, intervals.path[spans.interval], x, y, t)
-        view, normal = -unit(ray), unit(values[:, NORMAL])
+        path = intervals.path[spans.interval]
+        view, normal = -unit(ray), unit(self.paths.normals(path, t, values[:, NORMAL]))
         if material.double_sided:
             away = (normal * view).sum(axis=1, keepdims=True) < 0
             normal = np.where(away, -normal, normal)

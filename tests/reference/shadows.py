@@ -95,7 +95,8 @@ def render_shadows(exposure: Exposure, size: tuple[int, int], drawn: Drawn) -> n
     mix = tau[:, None, None]
     position = (weight * ((1 - mix) * world[own, 0] + mix * world[own, 1])).sum(axis=1)
     attributes = (1 - mix) * paths.attributes[own, 0] + mix * paths.attributes[own, 1]
-    normal = unit((weight * attributes).sum(axis=1)[:, NORMAL])
+    given = (weight * attributes).sum(axis=1)[:, NORMAL]
+    normal = unit(paths.normals(own, at.t, given))
     for index in np.unique(paths.mesh[own]):
         mesh = exposure.meshes[index]
         one = np.flatnonzero(paths.mesh[own] == index)

@@ -49,9 +49,12 @@ def stacks(intervals: Intervals, paths: Paths) -> tuple[Spans, np.ndarray]:
 def blend(
     shade: Shader, intervals: Intervals, spans: Spans, starts: np.ndarray, grid: Grid
 ) -> np.ndarray:
-    """Average of each layer over its stack's time: what it adds of colour, and of alpha."""
+    """Average of each layer over its stack's time: what it adds of colour, alpha and depth.
+
+    Depth is the mean depth times alpha, and what the places tell of how both change together.
+    """
     count = len(spans.interval)
-    result = np.zeros((count, 4))
+    result, by_rule = np.zeros((count, 5)), np.zeros(count)
     mesh = shade.paths.mesh[intervals.path[spans.interval]]
     places = (np.arange(shade.count) + 0.5) / shade.count
     first = np.repeat(starts, np.diff(np.append(starts, count)))
@@ -69,6 +72,11 @@ def blend(
             rest[k] = 1.0 if first[k] == k else rest[k - 1] * (1.0 - alpha[k - 1])
         result[:, 3] += rest * alpha / shade.count
         result[:, :3] += (rest * alpha)[:, None] * color / shade.count
+        w = intervals.depth(spans.interval, spans.t[:, 0] + part * np.diff(spans.t)[:, 0])
+        result[:, 4] += rest * alpha * w / shade.count
+        by_rule += w / shade.count
+    mean = intervals.mean_depth(spans.interval, spans.t)
+    result[:, 4] += result[:, 3] * (mean - by_rule)
     return result
 
 
@@ -102,9 +110,7 @@ def _sums(paths: Paths, shade: Shader, grid: Grid) -> np.ndarray:
         return np.zeros((grid.count, 6))
     spans, starts = stacks(intervals, paths)
     parts = blend(shade, intervals, spans, starts, grid)
-    w = intervals.depth(spans.interval, spans.t.mean(axis=1))
     sample = intervals.sample[spans.interval]
-    columns = [*parts.T, parts[:, 3] * w]
-    sums = [np.bincount(sample, spans.weight * c, grid.count) for c in columns]
+    sums = [np.bincount(sample, spans.weight * c, grid.count) for c in parts.T]
     sums.append(np.bincount(intervals.sample, minlength=grid.count).astype(np.float64))
     return np.stack(sums, axis=1)

@@ -41,7 +41,7 @@ def everything(late: float = 0.0) -> Scene:
                   reflections=mb.Reflections(size=16, times=2)),
             _ball(0.3, (0.6, 1.0, -0.5), (-0.4, 0.0, 0.3), late, glowing),
             _plate(0.5, (0.2, 0.7, 0.7), (-0.5, 0.3, 0.0), late, glass),
-            _plate(0.6, (0.4, 1.6, 0.0), (0.3, -0.2, 0.2), late, leaf),
+            _plate(0.6, (0.4, 1.6, 0.0), (0.3, -0.2, 0.2), late, leaf, bend=0.2),
         ],
         camera=Camera(
             position=Track(BETWEEN, [[-0.1, 1.8, 4.0], [0.1, 1.8, 4.0]]), look_at=(0, 0.5, 0),
@@ -57,9 +57,13 @@ def everything(late: float = 0.0) -> Scene:
     )  # fmt: skip
 
 
-def _plate(size: float, at: object, by: object, late: float, material: Material) -> Mesh:
+def _plate(
+    size: float, at: object, by: object, late: float, material: Material, bend: float = 0.0
+) -> Mesh:
+    """It goes ``by`` and further, and its first corner rises by ``bend`` meanwhile."""
     corners = size * SQUARE + at
-    ends = np.stack([corners, corners + by]) + late * np.asarray(by)
+    way = np.asarray(by) + bend * np.array([[0, 1.0, 0], *[[0, 0, 0]] * 3])
+    ends = np.stack([corners, corners + way]) + late * way
     return Mesh(positions=ends, faces=FACES, uv=UV, material=material)
 
 

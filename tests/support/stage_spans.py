@@ -63,6 +63,18 @@ class Spans:
         """Depth of paths where their samples see them, at times."""
         return see(at_time(self.points[path], t), *self.xy[path // DEEP].T)[0]
 
+    def mean_depth(self, path: np.ndarray, t0: np.ndarray, t1: np.ndarray) -> np.ndarray:
+        """Its mean over [t0, t1], by Gauss's rule in parts that halve towards both ends."""
+        places, weights = np.polynomial.legendre.leggauss(12)
+        half = 2.0 ** -np.arange(30, 0, -1)
+        cuts = np.concatenate([[0.0], half, 1.0 - half[-2::-1], [1.0]])
+        parts = (cuts[:-1, None] + np.diff(cuts)[:, None] * (0.5 + 0.5 * places)).ravel()
+        shares = (0.5 * np.diff(cuts)[:, None] * weights).ravel()
+        return sum(
+            share * self.depth(path, t0 + part * (t1 - t0))
+            for part, share in zip(parts, shares, strict=True)
+        )
+
 
 def draw(seed: int, deep: bool) -> Spans:
     """Stacks of up to four layers, or of one."""

@@ -238,12 +238,9 @@ class _Builder:
         self.add_attributes(given)
         ways = (self.slide, self.turn, self.spline, self.arrays, self.nest, self.morph, self.skin)
         if number > 0:
-            ways += (self.rest, self.own_shutter)
-            if not (self.effects.mirror and self.effects.shadows):  # a case of its own
-                ways += (self.appear,)
+            ways += (self.rest, self.own_shutter, self.appear)
         way = self.pick(*ways)
-        # Flat normals of what deforms are chords between the ends of segments.
-        if way in (self.arrays, self.morph) or self.pick(True, False):
+        if self.pick(True, False):
             given["normals"] = shape * 0.6 + self.between(-0.1, 0.1, *shape.shape) + [0, 0, 1.0]
         way(given, centre)
         return Mesh(material=self.material(), name=f"mesh {number}", **given)
