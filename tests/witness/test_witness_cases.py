@@ -126,7 +126,6 @@ def test_a_trapezoid_that_opens_or_closes_at_once_is_the_curves_limit(opening, c
         assert np.abs(shown(scene, Settings(**given))[..., 3] - right).max() < 0.02, given
 
 
-@wrong("issue 18: Mitchell's filter with the fixed pattern shifts an edge")
 def test_mitchells_filter_is_symmetric_with_the_fixed_pattern():
     scene = Scene([quad(0.0, 9.0)], STILL)
     alpha = shown(scene, Settings(samples=64, filter="mitchell"), (24, 18))[9, :, 3]
