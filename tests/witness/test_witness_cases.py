@@ -132,13 +132,31 @@ def test_mitchells_filter_is_symmetric_with_the_fixed_pattern():
     assert alpha.sum() == pytest.approx(12.0, abs=2e-3)
 
 
-@wrong("issue 18: partial bits lose what motion segments shorter than half a bit begin with")
-def test_masks_with_partial_bits_lose_no_light():
+@pytest.mark.parametrize("paths", ["exact", "triangulated"])
+@pytest.mark.parametrize(
+    "shutter",
+    [{}, {"curve": "triangle"}, {"rolling": "down", "line_offset": 1e-3, "line_exposure": 0.02}],
+    ids=lambda given: next(iter(given), "box"),
+)
+def test_masks_with_partial_bits_lose_no_light(paths, shutter):
     moving = Camera(position=Track([-0.5, 0.5], [[-0.5, 0, 6], [0.5, 0.2, 5.6]]), fov=45.0)
-    wall = quad(-30, 30, -5.0, high=30, motion_segments=64)
-    scene = Scene([wall], moving, shutter=Shutter(-0.5, 0.5))
+    settings = Settings(samples=1, occlusion=32, partial_bits=True, paths=paths)
+    for segments in (64, 100, 500):
+        wall = quad(-30, 30, -5.0, high=30, motion_segments=segments)
+        scene = Scene([wall], moving, shutter=Shutter(-0.5, 0.5, **shutter))
+        alpha = shown(scene, settings, (8, 6))[..., 3]
+        assert np.abs(alpha - 1.0).max() < 1e-5, segments
+
+
+def test_light_between_bits_does_not_depend_on_the_number_of_segments():
+    """A gap that moves by, a third of a bit wide: its times are those of the closed form."""
     settings = Settings(samples=1, occlusion=32, partial_bits=True)
-    assert shown(scene, settings, (8, 6))[..., 3].min() > 1.0 - 1e-5
+    keys = Track([-0.25, 0.25], [[-1.0, 0, 0], [1.0, 0, 0]])
+    for segments in (1, 64, 100):
+        given = {"transform": Transform(translation=keys), "motion_segments": segments}
+        scene = Scene([quad(-9, 0, **given), quad(0.02, 9, **given)], STILL)
+        alpha = shown(scene, settings)[..., 3]
+        assert np.abs(alpha[:, 8:24] - 0.99).max() < 1e-5, segments
 
 
 # The lens
