@@ -34,6 +34,22 @@ static inline Owned owned_by(const Tile *tile, int sample, int owner)
     return owned;
 }
 
+#if PARTIAL_BITS()
+static inline float2 touching(const Tile *tile, int sample, float t)
+{
+    float2 ends = t;
+#if STATIC()
+    if (tile->static_depth[sample] < INFINITY) ends = window_of(tile, sample);
+#endif
+    for (int node = tile->heads[sample]; node >= 0; node = tile->visits[node].next) {
+        Visit visit = tile->visits[node];
+        if (visit.t0 <= t && visit.t1 >= t)
+            ends = (float2)(fmin(ends.x, visit.t0), fmax(ends.y, visit.t1));
+    }
+    return ends;
+}
+#endif
+
 // Give an owner the bits in which it is nearest so far.
 static void take_nearest(const Tile *tile, int sample, const float *centres, int own,
                          double *nearness, int *owner)

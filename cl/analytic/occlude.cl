@@ -63,6 +63,21 @@ static inline Owned owned_by(const Tile *tile, int sample, int owner)
     return owned;
 }
 
+// Rounding parts times of fragments that are the same, as where motion segments follow each other.
+#define ROUNDED 0x1p-22f
+
+static inline float2 touching(const Tile *tile, int sample, float t)
+{
+    Run run = tile->runs[sample];
+    float2 ends = t;
+    for (uint i = run.start; i < run.start + run.count; i++) {
+        Interval interval = tile->sorted[i];
+        if (interval.t0 <= t + ROUNDED && interval.t1 >= t - ROUNDED)
+            ends = (float2)(fmin(ends.x, interval.t0), fmax(ends.y, interval.t1));
+    }
+    return ends;
+}
+
 static bool occlude_sample(Tile *tile, int sample)
 {
     Run run = tile->runs[sample];

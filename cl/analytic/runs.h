@@ -3,7 +3,9 @@
 // Bit i stands for [i / MASK_BITS, (i + 1) / MASK_BITS) of the shutter's light and belongs to an
 // interval when its centre does. With PARTIAL_BITS a run begins and ends where its interval, or its
 // neighbour's, does, if that lies within half a bit; neighbours share the place, so nothing counts
-// twice.
+// twice. Intervals that follow each other without a gap are one stretch: what of it lies between a
+// run and where nothing is seen is the run's, so that light does not depend on how motion is cut
+// into segments, or a surface into triangles, that hold no centre.
 #ifndef MB_RUNS_H
 #define MB_RUNS_H
 
@@ -66,31 +68,78 @@ static inline Lit lit_by(const Tile *tile, int sample, int owner)
     return lit;
 }
 
-// Share of light at which run `left` ends and run `right` begins, before bit `bit`.
-static inline float run_border(int bit, Lit left, Lit right)
-{
+// Shares of light at which the run before bit `bit` ends and the one after it begins.
+typedef struct {
+    float end, begin;
+} Border;
+
 #if PARTIAL_BITS()
-    if (left.owner != FREE && first_bit(left.end) == bit) return left.end;
-    if (right.owner != FREE && first_bit(right.start) == bit) return right.start;
+
+// The least and the greatest end of all intervals of the sample that hold or touch t.
+static inline float2 touching(const Tile *tile, int sample, float t);
+
+// Where the stretch without a gap that ends, or goes on, at t begins and ends within the window.
+static inline float covered_since(const Tile *tile, int sample, float2 window, float t)
+{
+    for (float next; t > window.x && (next = touching(tile, sample, t).x) < t;) t = next;
+    return t;
+}
+
+static inline float covered_until(const Tile *tile, int sample, float2 window, float t)
+{
+    for (float next; t < window.y && (next = touching(tile, sample, t).y) > t;) t = next;
+    return t;
+}
+
+// The border between runs with what may be a gap between them, or nothing on one side.
+static inline Border border_at_gap(const Tile *tile, int sample, Lit left, Lit right)
+{
+    Border border = {left.end, left.end};
+    float2 window = window_of(tile, sample);
+    if (left.owner != FREE) {
+        float until = covered_until(tile, sample, window, left.interval.t1);
+        if (right.owner != FREE && until >= right.interval.t0) return border; // there is none
+        border.end = light_until(&tile->scene, window, until);
+    }
+    if (right.owner != FREE) {
+        float since = covered_since(tile, sample, window, right.interval.t0);
+        border.begin = light_until(&tile->scene, window, since);
+    }
+    return border;
+}
+
 #endif
-    return bit * BIT;
+
+static inline Border run_border(const Tile *tile, int sample, int bit, Lit left, Lit right)
+{
+    Border border = {bit * BIT, bit * BIT};
+#if PARTIAL_BITS()
+    bool ends = left.owner != FREE && first_bit(left.end) == bit;
+    bool begins = right.owner != FREE && first_bit(right.start) == bit;
+    if ((ends || left.owner == FREE) && (begins || right.owner == FREE)
+        && !(ends && begins && left.end >= right.start))
+        return border_at_gap(tile, sample, left, right);
+    if (ends) border.end = border.begin = left.end;
+    else if (begins) border.end = border.begin = right.start;
+#endif
+    return border;
 }
 
 // Spans of a sample whose every bit has an owner or is FREE. False when the pool is full.
 static bool append_owned_runs(Tile *tile, int sample, const int *owner)
 {
     float2 window = window_of(tile, sample);
-    Lit before = lit_by(tile, sample, FREE);
+    Lit own = lit_by(tile, sample, owner[0]);
+    Border before = run_border(tile, sample, 0, lit_by(tile, sample, FREE), own);
     for (int bit = 0, end; bit < MASK_BITS; bit = end) {
-        Lit own = lit_by(tile, sample, owner[bit]);
         for (end = bit + 1; end < MASK_BITS && owner[end] == own.owner;) end++;
-        Lit after = lit_by(tile, sample, end < MASK_BITS ? owner[end] : FREE);
-        float low = run_border(bit, before, own), high = run_border(end, own, after);
+        Lit next = lit_by(tile, sample, end < MASK_BITS ? owner[end] : FREE);
+        Border after = run_border(tile, sample, end, own, next);
         Owned from = own.interval;
         if (own.owner != FREE
-            && !append_light(tile, window, low, high, from.t0, from.t1, from.source))
+            && !append_light(tile, window, before.begin, after.end, from.t0, from.t1, from.source))
             return false;
-        before = own;
+        own = next, before = after;
     }
     return true;
 }

@@ -15,8 +15,10 @@
 
 #if METALLIC()
 
-#define SHARE_COLUMNS 64 // of the table, from a cosine to the view of 0 to one of 1
-#define SHARE_ROWS 32    // from a roughness of 0 to one of 1
+// Of the table: from a cosine to the view of 0 to one of 1, from the least roughness to one of 1
+// (mbinterval/rendering/facet_shares.py says where they lie).
+#define SHARE_COLUMNS 192
+#define SHARE_ROWS 96
 
 // What facets reflect of light that is the same from everywhere: of white ones and in addition to
 // their own colour; and what Fresnel's term takes from the light that is scattered.
@@ -24,12 +26,14 @@ typedef struct {
     Lanes factor, added, lost;
 } Shares;
 
-static INLINED Shares shares_at(global const float4 *table, Lanes cosine, Lanes roughness,
-                                int count)
+static INLINED Shares shares_at(global const float4 *table, Lanes cosine, Lanes alpha, int count)
 {
     float x[LANES], y[LANES], found[3][LANES];
-    lanes_store(cosine * (SHARE_COLUMNS - 1.0f), x);
-    lanes_store(roughness * (SHARE_ROWS - 1.0f), y);
+    Lanes width = 2.0f * alpha, root = sqrt(cosine); // shares bend at cosines of some alphas
+    Lanes column = 0.5f * (1.0f + width) * (cosine / (cosine + width)) + 0.5f * (root * sqrt(root));
+    Lanes row = lanes_max(sqrt(alpha) - LEAST_ROUGHNESS, (Lanes)(0.0f));
+    lanes_store(column * (SHARE_COLUMNS - 1.0f), x);
+    lanes_store(sqrt(row * (1.0f / (1.0f - LEAST_ROUGHNESS))) * (SHARE_ROWS - 1.0f), y);
     for (int i = 0; i < LANES; i++) {
         int from = min(i, count - 1);
         int column = min((int)x[from], SHARE_COLUMNS - 2), row = min((int)y[from], SHARE_ROWS - 2);
@@ -77,7 +81,7 @@ static INLINED Lanes3 light_around(const Scene *scene, uint map, const LitPoints
     if (gloss) {
         facets = facets_of(gloss, color);
         Lanes cosine = lanes_min(lanes_max(lanes_dot(normal, view), (Lanes)(0.0f)), (Lanes)(1.0f));
-        shares = shares_at(scene->map_texels, cosine, sqrt(facets.alpha), count);
+        shares = shares_at(scene->map_texels, cosine, facets.alpha, count);
         color.x = facets.diffuse.x * (1.0f - facets.mirrored.x) * (1.0f - shares.lost);
         color.y = facets.diffuse.y * (1.0f - facets.mirrored.y) * (1.0f - shares.lost);
         color.z = facets.diffuse.z * (1.0f - facets.mirrored.z) * (1.0f - shares.lost);

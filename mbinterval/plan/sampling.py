@@ -113,27 +113,36 @@ _SMALL: dict[int, tuple[int, ...]] = {
 
 
 @lru_cache(maxsize=64)
-def fixed_pattern(count: int) -> NDArray[np.float32]:
+def fixed_pattern(count: int, symmetric: bool = False) -> NDArray[np.float32]:
     """Return ``(count, 2)`` offsets in [0, 1) of well-spread samples in a pixel.
 
     One sample is the pixel's centre. No two samples share a row or a column of a ``count`` by
     ``count`` grid. What an edge through the pixel covers is what counts, so the pattern is that of
     least error over half-planes (``half_plane_error``): among all permutations for few samples,
-    among rank-1 lattices i -> (i, i g mod n) for many. Samples follow each other in Morton's order,
-    so that points of the lens, a sequence, are well spread over every part of the pixel.
+    among rank-1 lattices i -> (i, i g + c mod n) for many, where c is 0. Of ``symmetric`` lattices
+    each sample has one that lies opposite to it about the centre. Samples follow each other in
+    Morton's order, so that points of the lens, a sequence, are well spread over every part of the
+    pixel.
     """
     index = np.arange(count)
     if count in _SMALL:
         columns = np.array(_SMALL[count])
     else:
         generators = [g for g in range(1, count) if np.gcd(g, count) == 1]
-        lattices = [index * generator % count for generator in generators]
+        shifts = [_middle_shift(g, count) if symmetric else 0 for g in generators]
+        lattices = [(index * g + c) % count for g, c in zip(generators, shifts, strict=True)]
         errors = [half_plane_error(_cell_centres(lattice)) for lattice in lattices]
         columns = lattices[int(np.argmin(errors))]
     grid = np.round(_cell_centres(columns) * _GRID).astype(np.int64)
     bits = np.arange(_GRID.bit_length())
     morton = ((grid[:, :, None] >> bits & 1) << 2 * bits).sum(axis=2) @ [1, 2]
     return (grid[np.argsort(morton)] / _GRID).astype(np.float32)
+
+
+def _middle_shift(generator: int, count: int) -> int:
+    """The c for which i -> i g + c mod n takes n - 1 - i to n - 1 less what it takes i to."""
+    odd = generator - 1 if generator % 2 == 1 else generator - 1 + count
+    return odd // 2 % count  # 2 c = g - 1 mod n
 
 
 def _cell_centres(columns: NDArray[np.int64]) -> Float64:
@@ -173,7 +182,10 @@ def sample_slots(pattern: str, count: int, shape: PixelFilter | None) -> NDArray
     """
     slots = np.zeros(count, records.SLOT)
     if pattern == "fixed":
-        x, y = fixed_pattern(count).astype(np.float64).T
+        # Weights of both signs shift edges, unless opposite samples have the same.
+        least = np.array([0.5 / count])
+        signed = shape is not None and 0.5 - shape.place(least)[0] > shape.zero
+        x, y = fixed_pattern(count, symmetric=signed).astype(np.float64).T
         x_low = x_high = x
         y_low = y_high = y
     else:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime
 from mbinterval.exposure.sky import Turning, inverses
+from mbinterval.rendering.facet_shares import shares
 from mbinterval.scene.environment import Environment
 
 Float32 = NDArray[np.float32]
@@ -27,8 +28,6 @@ Float64 = NDArray[np.float64]
 
 IRRADIANCE_SIZE = 16
 """Steps along an edge of the cube for Lambert's surfaces (``cl/shared/environment.h``)."""
-SHARES = (32, 64)
-"""Rows, of roughness, and columns, of cosines, of the table of what facets reflect (likewise)."""
 _SIZES = (16, 2048)
 _DIRECTIONS = (64, 1024)
 """That a level's texels are the mean of: the finest's, and, twice as many by level, the most."""
@@ -234,46 +233,6 @@ def lobe(alpha: float, size: int, count: int) -> Float32:
     level = 0.5 * np.log2(1.0 / (count * density * texel))
     found = np.stack([across * np.cos(turn), across * np.sin(turn), along, level], axis=1)
     return found[along > 0.0].astype(np.float32)
-
-
-@lru_cache(maxsize=1)
-def shares() -> Float32:
-    """``(*SHARES, 4)``: what GGX facets reflect of light that is the same from everywhere.
-
-    By roughness and cosine to the view: times the colour that is mirrored head-on, in addition to
-    it, and the share of light that Fresnel's term takes from what Lambert's model scatters. The
-    last column is not used. Facets are drawn by their distribution (Karis 2013), masked on both
-    ways by Smith's term, as in ``cl/shared/shading.h``.
-    """
-    rows, columns, radial, around = *SHARES, 64, 64
-    cosine = np.maximum(np.linspace(0.0, 1.0, columns), 1e-4)[:, None, None]
-    view = np.stack([np.sqrt(1.0 - cosine**2), 0.0 * cosine, cosine], axis=-1)
-    part = ((np.arange(radial) + 0.5) / radial)[:, None]
-    turn = 2.0 * np.pi * (np.arange(around) + 0.5)[None] / around
-    table = np.zeros((rows, columns, 4))
-    for row, rough in enumerate(np.linspace(0.0, 1.0, rows)):
-        square = max(rough, 0.03) ** 4
-        up = 1.0 / np.sqrt(1.0 + square * part / (1.0 - part))
-        out = np.sqrt(1.0 - up**2)
-        half = np.stack([out * np.cos(turn), out * np.sin(turn), up + 0.0 * turn], axis=-1)
-        facing = (view * half).sum(axis=-1)
-        light = np.maximum(2.0 * facing * half[..., 2] - cosine, 0.0)
-
-        def unmasked(c: Float64, square: float = square) -> Float64:
-            return 1.0 / (c + np.sqrt(square + (1.0 - square) * c**2))
-
-        weight = 4.0 * unmasked(cosine) * unmasked(light) * light * facing / half[..., 2]
-        weight = np.where((light > 0.0) & (facing > 0.0), weight, 0.0)
-        fifth = (1.0 - np.clip(facing, 0.0, 1.0)) ** 5
-        table[row, :, 0] = (weight * (1.0 - fifth)).mean(axis=(1, 2))
-        table[row, :, 1] = (weight * fifth).mean(axis=(1, 2))
-    height = np.sqrt(part)  # the cosine, for the share of Lambert's light
-    ways = np.stack([np.sqrt(1.0 - part) * np.cos(turn), np.sqrt(1.0 - part) * np.sin(turn),
-                     height + 0.0 * turn], axis=-1)  # fmt: skip
-    square_half = 0.5 * (1.0 + (view * ways).sum(axis=-1))  # cos^2 of half the angle between
-    lost = (1.0 - np.sqrt(np.clip(square_half, 0.0, 1.0))) ** 5
-    table[:, :, 2] = lost.mean(axis=(1, 2))
-    return table.astype(np.float32)
 
 
 def sky_records(sky: tuple[Turning, ...], width: int, height: int) -> NDArray[np.void]:

@@ -52,7 +52,8 @@ class Settings:
         2017, 3.3). A bit stands for its part of the shutter and belongs to an interval when its
         centre does.
     partial_bits
-        With a mask, let what is seen begin and end inside a bit, where its interval does.
+        With a mask, let what is seen begin and end inside a bit, where its interval does, or those
+        that follow it without a gap, so that no light depends on the number of motion segments.
     max_intervals
         Triangulated paths only: keep this many intervals per sample, those of least minimum
         depth; None keeps all. Hong & Oh use 90.

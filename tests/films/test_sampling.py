@@ -83,6 +83,16 @@ def test_fixed_samples_have_a_row_and_a_column_each(count):
         assert np.array_equal(np.sort((points[:, axis] * count).astype(int)), np.arange(count))
 
 
+@pytest.mark.parametrize("count", [8, 31, 37, 64, 256])
+def test_a_symmetric_fixed_pattern_has_an_opposite_of_each_sample(count):
+    points = fixed_pattern(count, symmetric=True).astype(np.float64)
+    for axis in (0, 1):
+        assert np.array_equal(np.sort((points[:, axis] * count).astype(int)), np.arange(count))
+    opposite = 1.0 - points
+    assert {tuple(p) for p in points} == {tuple(p) for p in opposite}
+    assert {tuple(p) for p in fixed_pattern(count)} != {tuple(p) for p in 1 - fixed_pattern(count)}
+
+
 FILTERS = {
     "triangle": lambda x: np.maximum(1.0 - np.abs(x), 0.0),
     "gaussian": lambda x: np.where(np.abs(x) < 1.5, np.exp(-2 * x * x) - np.exp(-4.5), 0.0),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from reference.samples import expand
 from support.stage_lists import SAMPLES, Lists, draw, records_of, solved, tables
+from support.stretches import light_of_bits
 
 BITS = 64
 EQUAL = 1e-9
@@ -69,6 +70,19 @@ def test_spans_lie_within_their_interval_and_within_their_bits():
     assert np.all(found["t0"] == np.maximum(first / BITS, ends[:, 0].astype(np.float32)))
     last = first / BITS + found["weight"]
     assert np.all(found["t1"] == np.minimum(last, ends[:, 1].astype(np.float32)))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_partial_bits_see_all_of_every_stretch_that_holds_a_centre(seed):
+    lists = draw(seed)
+    spans, runs, done = solved("mask", tables(lists), "PARTIAL_BITS", MASK_BITS=BITS)
+    assert done
+    owner, place = records_of(runs)
+    light = np.bincount(owner, spans["weight"][place].astype(np.float64), SAMPLES)
+    sample, _, t = lists.everything()
+    want = [light_of_bits(t[sample == index], BITS) for index in range(SAMPLES)]
+    assert light == pytest.approx(want, abs=1e-6)
+    assert np.count_nonzero((light > 0) & (light < 1)) > 100
 
 
 def test_a_full_pool_is_reported_and_nothing_is_written_beyond_it():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.kernels import options, run
+from support.stretches import light_of_bits
 
 from mbinterval.device import records
 
@@ -176,6 +177,19 @@ def test_partial_bits_give_an_interval_its_own_length_and_neighbours_a_common_bo
         assert np.all(order["t0"] < order["t1"])
         own = times[order[records.SPAN.names[-1]]]
         assert np.all((own[:, 0] <= order["t0"]) & (order["t1"] <= own[:, 1]))
+
+
+def test_partial_bits_see_all_of_a_stretch_however_it_is_cut():
+    rng = np.random.default_rng(13)
+    samples = [random_times(rng, 30, rng.choice([0.002, 0.01, 0.05, 0.2])) for _ in range(40)]
+    for _ in range(20):  # an object whose motion has many segments, before a gap
+        cuts = np.sort(rng.uniform(0.0, rng.uniform(0.1, 1.0), 200)).astype(np.float32)
+        samples.append(rng.permuted(np.stack([cuts[:-1], cuts[1:]], axis=1), axis=0))
+    for bits in (32, 128):
+        found, _, _ = occlude(samples, bits, "PARTIAL_BITS")
+        for spans, times in zip(found, samples, strict=True):
+            light = spans["weight"].astype(np.float64).sum()
+            assert light == pytest.approx(light_of_bits(times, bits), abs=1e-6)
 
 
 def test_a_full_pool_is_reported_and_nothing_is_written_beyond_it():

@@ -116,7 +116,7 @@ def test_white_facets_reflect_what_two_other_quadratures_say():
     """Of `shared/cases/truth/grazing_metal.py`: .8754 at cosine .1, .898 at .0317, roughness .3."""
     cosine, factor, added, _ = shares(0.3)
     whole = np.interp([0.1, 0.0317], cosine, factor + added)
-    assert whole == pytest.approx([0.8754, 0.898], abs=4e-3)
+    assert whole == pytest.approx([0.8754, 0.898], abs=5e-4)
 
 
 def test_lens_points_fill_a_polygon_whose_first_corner_the_rotation_tells():

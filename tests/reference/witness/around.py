@@ -94,9 +94,9 @@ def shares(roughness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     from Lambert's light. Integrated over directions of light about the mirrored one.
     """
     alpha = max(roughness, LEAST_ROUGHNESS) ** 2
-    cosine = np.linspace(0.0, 1.0, 65)[1:]
+    cosine = np.linspace(0.0, 1.0, 161)[1:] ** 2
     # Half vectors by tan(angle) = alpha tan(s), with s even: fine where the distribution is.
-    s = (np.arange(300) + 0.5) / 300 * 0.5 * np.pi
+    s = (np.arange(400) + 0.5) / 400 * 0.5 * np.pi
     turn = ((np.arange(90) + 0.5) / 90 * np.pi)[None]
     tangent = alpha * np.tan(s)[:, None]
     up = 1.0 / np.sqrt(1.0 + tangent**2)
@@ -105,7 +105,7 @@ def shares(roughness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     slope = alpha / (np.cos(s) ** 2 + alpha**2 * np.sin(s) ** 2)
     spread = up**2 * (alpha**2 - 1.0) + 1.0
     density = alpha**2 / (np.pi * spread**2)
-    solid = density * out * slope[:, None] * (0.5 * np.pi / 300) * (2.0 * np.pi / 90)
+    solid = density * out * slope[:, None] * (0.5 * np.pi / 400) * (2.0 * np.pi / 90)
     factor, added = np.zeros_like(cosine), np.zeros_like(cosine)
     for i, c in enumerate(cosine):
         facing = np.sqrt(1.0 - c * c) * out * np.cos(turn) + c * up
