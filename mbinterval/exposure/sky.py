@@ -52,6 +52,20 @@ def _turning(view: View, stretch: Stretch, count: int) -> Turning:
     return Turning(stretch, view.poses(times))
 
 
+def sky_moves(sky: tuple[Turning, ...]) -> bool:
+    """Whether what is infinitely far moves through the frame, or in and out of focus."""
+    if not sky:
+        return False
+    views = np.concatenate([_far_view(turning.poses) for turning in sky])
+    return bool(np.any(views != views[:1]))
+
+
+def _far_view(poses: CameraPoses) -> Float64:
+    """``(T, 12)``: what counts of poses for what is infinitely far, which is all but the eye."""
+    lens = np.stack([poses.focal, poses.aperture, poses.focus], axis=1)
+    return np.concatenate([poses.rotation.reshape(-1, 9), lens], axis=1)
+
+
 def inverses(poses: CameraPoses, width: float, height: float) -> Float64:
     """``(T, 3, 3)``: what maps pixels (X, Y, 1) to rays in the world."""
     rays = []

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbinterval.exposure.exposure import reflecting
+from mbinterval.exposure.sky import sky_moves
 from mbinterval.film.aovs import MACROS, MOMENTARY, RECORDED
 from mbinterval.layout.alpha import has_vertex_alpha, is_translucent, varies
 from mbinterval.layout.appearance import casting
@@ -54,7 +55,7 @@ def effects_of(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[
     return (
         *_motion(exposure, motion, settings, moving),
         *_samples(exposure, settings),
-        *_shutter(exposure, moving),
+        *_shutter(exposure, moving or _sky_moves(exposure, settings)),
         *_geometry(motion),
         *_transparency(exposure),
         *_mirrors(exposure),
@@ -127,7 +128,7 @@ def _shutter(exposure: Exposure, moving: bool) -> tuple[Effect, ...]:
     if not moving:
         name = rolling = "nothing moves"
     return (
-        Effect("shutter curve", curve != "box" and moving, name),
+        Effect("shutter curve", curve != "box" and moving, name, "SHUTTER_CURVE"),
         Effect("rolling shutter", rolls, rolling, "ROLLING"),
         Effect("rolling columns", columns, rolling, "ROLLING_COLUMNS"),
     )
@@ -227,7 +228,7 @@ def _around(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Eff
         light = light if lit else "nothing reflects it"
         if settings.transparent:
             behind = "the film is transparent"
-    seen = around is not None and around.background and not settings.transparent
+    seen = _sees_sky(exposure, settings)
     asked = reflecting(exposure)
     names = _named("mesh", [mesh.mesh.name for meshes in asked.values() for mesh in meshes])
     pictures = sum(6 * reflections.times for reflections in asked)
@@ -237,6 +238,16 @@ def _around(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Eff
         Effect("reflections of surroundings", bool(asked),
                f"{names}, up to {pictures} pictures" if asked else names, "REFLECTIONS"),
     )  # fmt: skip
+
+
+def _sees_sky(exposure: Exposure, settings: Settings) -> bool:
+    around = exposure.environment
+    return around is not None and around.background and not settings.transparent
+
+
+def _sky_moves(exposure: Exposure, settings: Settings) -> bool:
+    """Whether an environment moves behind everything, be it alone: that has no motion paths."""
+    return _sees_sky(exposure, settings) and sky_moves(exposure.sky)
 
 
 def _over_time(motion: Motion, settings: Settings, moving: bool) -> Effect:

@@ -95,11 +95,10 @@ class Plan:
 
 
 def sampling_macros(exposure: Exposure, settings: Settings, active: Set[str]) -> set[str]:
-    """Return macros of what filter, lens and shutter add to their effects."""
+    """Return macros of what filter and lens add to their effects."""
     asked = {
         "FILTER_TABLE": "SCATTERED" in active and filter_of(settings) is not None,
         "BLADES": "LENS" in active and exposure.camera.blades,
-        "SHUTTER_CURVE": "MOVING" in active and exposure.shutter.curve != "box",
     }
     return {name for name, wanted in asked.items() if wanted}
 

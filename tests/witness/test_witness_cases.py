@@ -78,7 +78,6 @@ HALF_BRIGHT[:, 32:96] = 1.0
         ),
     ],
 )
-@wrong("issue 18: a scene of an environment alone loses the shutter's curve and its rolling")
 def test_a_scene_of_an_environment_alone_keeps_its_shutter(shutter):
     turns = [[0, np.sin(a), 0, np.cos(a)] for a in np.radians([-35.0, -55.0])]
     place = Transform(rotation=Track([-0.25, 0.25], turns, "linear", True))
