@@ -9,7 +9,7 @@ begins anywhere. So repeats are independent, and every mean is right on average.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -89,13 +89,13 @@ def film(scene: Any, frame: float, size: tuple[int, int], asked: Asked) -> Repea
     for first in range(0, len(instants), block):
         part = slice(first, first + block)
         values = _groups(scene, frame, instants[part], pixels[part], drawn[part], size, asked)
-        where = (
-            repeat[part].repeat(lines.shape[1]),
-            pixels[part, :, 1].ravel(),
-            pixels[part, :, 0].ravel(),
-        )
+        # Instants of one line in one repeat follow each other.
+        new = np.arange(first, min(first + block, len(instants)))
+        new = new[(new % strata == 0) | (new == first)]
+        where = repeat[new][:, None], pixels[new, :, 1], pixels[new, :, 0]
         for sums, value in zip(total, values, strict=True):
-            np.add.at(sums, where, value / strata)
+            each = value.reshape(len(instants[part]), lines.shape[1], value.shape[1])
+            sums[where] += np.add.reduceat(each, new - first, axis=0) / strata
     return Repeats(total[0], total[1][..., 0], total[2], total[3])
 
 
@@ -192,13 +192,13 @@ def primary(
         low, high = (np.broadcast_to(b, (groups, 1)).repeat(count, axis=0)
                      for b in (piece.low, piece.high))  # fmt: skip
         inside = (hits.distance >= low) & (hits.distance < high)
-        hits = Hits(np.where(inside, hits.distance, np.inf), hits.weights, hits.front)
         if joined is None:
-            joined = hits
+            joined = replace(hits, distance=np.where(inside, hits.distance, np.inf))
         else:
             joined = Hits(
                 np.where(inside, hits.distance, joined.distance),
-                np.where(inside[..., None], hits.weights, joined.weights),
+                np.where(inside[:, None], hits.side, joined.side),
+                np.where(inside, hits.total, joined.total),
                 np.where(inside, hits.front, joined.front),
             )
     last = pieces[-1]

@@ -187,7 +187,7 @@ class _Builder:
         else:
             settings["filter"] = e.sampling
         if e.lens == "pull":  # of which none are chosen
-            settings["motion_segments"] = 32
+            settings["motion_segments"] = 20
         if e.layers:
             settings["aovs"] = {
                 "moment": ("sharp", "depth", "normal", "uv", "object", "material",

@@ -115,7 +115,7 @@ class World:
                 break
             distance[active, face] = np.inf
             here = rays.chosen(active)
-            color, alpha = self.surfaces(here, face, hits.weights[active, face], bounce)
+            color, alpha = self.surfaces(here, face, hits.weights(active, face), bounce)
             added = seen.left[active] * alpha
             seen.color[active] += added[:, None] * color
             seen.depth[active] += added * w
@@ -235,7 +235,7 @@ class World:
             for mesh in np.unique(self.still.mesh[other]):
                 on = self.still.mesh[other] == mesh
                 r, f = ray[on], other[on]
-                weights, g = hits.weights[r, f], group[part][r]
+                weights, g = hits.weights(r, f), group[part][r]
                 vertex = np.einsum("ni,ni->n", weights, self.still.color[g, f][..., 3])
                 uv = np.einsum("ni,nik->nk", weights, self.still.uv[g, f])
                 alpha = _alpha(self.materials[mesh], vertex, uv)
