@@ -58,13 +58,14 @@ PATH_ERROR = 2e-3
 def films(
     scene: Scene, frame: float, size: tuple[int, int], repeats: int = 1, **settings: Any
 ) -> list[Film]:
-    """Films that differ in their seeds alone."""
+    """Films that differ in their seeds alone, which follow each other from ``seed`` on."""
     given = {"motion_error": PATH_ERROR} | settings
+    first = given.pop("seed", 0)
     with exposed_once():
         return [
             render(scene, frame=frame, width=size[0], height=size[1],
-                   settings=Settings(**given, seed=seed))
-            for seed in range(repeats)
+                   settings=Settings(**given, seed=first + number))
+            for number in range(repeats)
         ]  # fmt: skip
 
 
