@@ -61,7 +61,7 @@ def compare(case: Case, size: tuple[int, int] = SIZE, given: list[Film] | None =
 
 
 def _look(case: Case, size: tuple[int, int], given: list[Film]) -> Result:
-    seen = films.film(case.scene, case.frame, size, case.asked)
+    seen = films.film(case.seen, case.frame, size, case.asked)
     alpha = np.stack([film.rgba[..., 3:] for film in given]).astype(float)
     depth = np.stack([film.depth for film in given]).astype(float)[..., None]
     depth = alpha * np.where(np.isfinite(depth), depth, 0.0)
@@ -90,7 +90,7 @@ def _look(case: Case, size: tuple[int, int], given: list[Film]) -> Result:
         if case.effects.calm and case.asked.centre:
             wrong += streams.wrong_reports(case.scene, case.frame, size, given[0].events)
     if "sharp" in aovs:
-        frozen = films.film(case.scene, case.frame, size, replace(case.asked, moment=0.5))
+        frozen = films.film(case.seen, case.frame, size, replace(case.asked, moment=0.5))
         sharp = np.stack([film.layers["sharp"] for film in given])
         verdicts["sharp"] = judge(sharp, frozen.rgba, allowed, rare)
     if "depth" in aovs:
@@ -126,7 +126,7 @@ def _slack(case: Case, size: tuple[int, int], seen: films.Repeats) -> np.ndarray
     largest = np.zeros((*seen.depth.shape[1:], 5))
     for shift in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         moved = replace(case.asked, shift=tuple(PATH_ERROR * part for part in shift))
-        other = films.film(case.scene, case.frame, size, moved)
+        other = films.film(case.seen, case.frame, size, moved)
         change = np.concatenate([other.rgba - seen.rgba, (other.depth - seen.depth)[..., None]], -1)
         largest = np.maximum(largest, np.abs(change.mean(axis=0)))
     return 2.0 * largest
@@ -164,7 +164,7 @@ def _below(film: Film, depths: Any) -> np.ndarray:
 
 def _moment(case: Case, size: tuple[int, int], film: Film) -> list[str]:
     """What is wrong in the layers of one moment, but for pixels whose centres are on an edge."""
-    truth, wrong = moments.layers(case.scene, case.frame, size, 0.5), []
+    truth, wrong = moments.layers(case.seen, case.frame, size, 0.5), []
     sure = truth["edge"] > 1e-3
     for name, within in (("object", 0), ("material", 0), ("depth", 5e-3), ("normal", 2e-2),
                          ("uv", 1e-3), ("forward", 2e-2), ("backward", 2e-2)):  # fmt: skip

@@ -175,6 +175,13 @@ class Case:
     effects: Effects
     parts: tuple[tuple[float, float], ...] = ()
     """Of the exposure, which events are integrated over."""
+    read: Any = None
+    """What the witness looks at, where it reads a file itself."""
+
+    @property
+    def seen(self) -> Any:
+        """What the witness looks at."""
+        return self.scene if self.read is None else self.read
 
 
 def build(recipe: Recipe) -> Case:

@@ -67,7 +67,7 @@ def judged(case: Any, size: tuple[int, int], given: list[Any], slack: Any) -> di
     rare = 2.0 / (case.asked.strata * case.asked.repeats)
     found = {}
     for part in case.parts:
-        shown, seen = re_exposed(case.scene, case.frame, size, case.asked, streams, part)
+        shown, seen = re_exposed(case.seen, case.frame, size, case.asked, streams, part)
         name = f"exposed from {part[0]:g} to {part[1]:g}"
         found[name] = judge(shown, seen, case.allowed + slack / (part[1] - part[0]), rare)
     for moment in STATES if case.effects.steady else ():
@@ -80,12 +80,12 @@ def _judged_moment(case: Any, size: tuple[int, int], shown: np.ndarray, moment: 
     asked = replace(case.asked, moment=moment)
     if asked.centre:
         asked = replace(asked, strata=1, repeats=1)
-    seen = films.film(case.scene, case.frame, size, asked).cover
+    seen = films.film(case.seen, case.frame, size, asked).cover
     if not asked.centre:
         return judge(shown, seen, 2.0 * PATH_ERROR, 2.0 / (asked.strata * asked.repeats))
     slack = np.zeros(seen.shape[1:])
     for moved in _shifted(asked):
-        other = films.film(case.scene, case.frame, size, moved).cover
+        other = films.film(case.seen, case.frame, size, moved).cover
         slack = np.maximum(slack, np.abs(other - seen)[0])
     # Two noiseless sides: the second of them twice, so that something is a variance.
     return judge(shown, np.repeat(seen, 2, axis=0), 1e-3 + slack)
