@@ -12,12 +12,22 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from reference.witness import camera, exposure, filters
-from reference.witness.around import shares
+from reference.witness.around import WIDE, mirrored, mirrored_by_draws, shares
 from reference.witness.compare import Result, compare
 from reference.witness.film import Asked, film
 from reference.witness.judge import judge
-from reference.witness.product import Camera, Mesh, Scene, Shutter
-from reference.witness.scenes import Effects, Recipe, build, recipes
+from reference.witness.product import (
+    PATH_ERROR,
+    Camera,
+    Environment,
+    Mesh,
+    Scene,
+    Settings,
+    Shutter,
+    films,
+    render,
+)
+from reference.witness.scenes import SIZE, Effects, Recipe, build, recipes
 from support.nightly import nightly
 
 DAILY, DAILY_SETS = 300, 8
@@ -63,6 +73,19 @@ KEPT = [
 @pytest.mark.parametrize("recipe", KEPT, ids=str)
 def test_scenes_that_once_differed_agree(recipe):
     found(recipe)
+
+
+def test_films_of_scenes_that_are_exposed_once_are_those_of_renders_alone():
+    case = build(KEPT[0])
+    given = films(case.scene, case.frame, SIZE, 2, **case.settings)
+    alone = {"motion_error": PATH_ERROR} | case.settings
+    for number, shown in enumerate(given):
+        own = render(case.scene, frame=case.frame, width=SIZE[0], height=SIZE[1],
+                     settings=Settings(**alone, seed=number))  # fmt: skip
+        assert own.rgba.tobytes() == shown.rgba.tobytes()
+        assert all(
+            own.layers[name].tobytes() == shown.layers[name].tobytes() for name in own.layers
+        )
 
 
 # The witness itself, against closed forms.
@@ -117,6 +140,18 @@ def test_white_facets_reflect_what_two_other_quadratures_say():
     cosine, factor, added, _ = shares(0.3)
     whole = np.interp([0.1, 0.0317], cosine, factor + added)
     assert whole == pytest.approx([0.8754, 0.898], abs=5e-4)
+
+
+def test_a_table_of_what_facets_mirror_is_what_draws_of_them_say():
+    rng = np.random.default_rng(3)
+    turn = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    flat = np.cos(np.linspace(-0.5, 0.5, 32) * np.pi)[:, None]
+    image = 0.5 + 0.3 * (flat * np.cos(turn))[..., None] * [1.0, 0.5, -1.0]
+    around, ways = Environment(image.astype(np.float32)), rng.normal(size=(500, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    for alpha in (WIDE, 0.3, 0.9):
+        away = mirrored(around, ways, alpha) - mirrored_by_draws(around, ways, alpha, 2000)
+        assert np.abs(away).max() < 2e-3
 
 
 def test_lens_points_fill_a_polygon_whose_first_corner_the_rotation_tells():

@@ -16,5 +16,6 @@ is imported from `mbinterval` here but by `product`, which makes scenes and rend
     around      the environment
     film        the mean over instants, with independent repeats
     moment      what the pixels' centres see at one moment
+    streams     events: what they add up to, when each is seen, what an event camera reports
     judge       whether two films differ by more than their noise
 """

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 LEAST_ROUGHNESS = 0.03
+WIDE = 0.1
+"""GGX's alpha from which on a table of a few degrees tells what facets mirror."""
 
 
 def seen(environment: Any, ways: np.ndarray) -> np.ndarray:
@@ -28,46 +30,67 @@ def seen(environment: Any, ways: np.ndarray) -> np.ndarray:
     return environment.intensity * ((1.0 - fy) * upper + fy * lower)
 
 
-@lru_cache(maxsize=8)
-def _light(environment: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Directions ``(n, 3)`` all around and the light ``(n, 3)`` that comes from each."""
+@lru_cache(maxsize=16)
+def _spread(environment: Any, alpha: float | None) -> np.ndarray:
+    """The environment averaged about directions by longitude and latitude, ``(2 n, n + 1, 3)``.
+
+    About each direction light weighs by its cosine over pi (Lambert), or with ``alpha`` as facets
+    that are seen head-on mirror it there (Karis 2013): by their distribution and the cosine. Such
+    weights depend on angles alone, so that along a circle of latitude they are a convolution.
+    """
     rows = max(48, environment.image.shape[0])
     edge = np.pi * np.arange(rows + 1) / rows
-    up = 0.5 * np.pi - 0.5 * (edge[1:] + edge[:-1])
-    turn = 2.0 * np.pi * (np.arange(2 * rows) + 0.5) / (2 * rows)
-    up, turn = (part.ravel() for part in np.meshgrid(up, turn, indexing="ij"))
-    ways = np.stack([np.cos(up) * np.sin(turn), np.sin(up), -np.cos(up) * np.cos(turn)], axis=1)
-    angle = (-np.diff(np.cos(edge)) * np.pi / rows).repeat(2 * rows)
-    return ways, seen(environment, ways) * angle[:, None]
+    up, turn = 0.5 * np.pi - 0.5 * (edge[1:] + edge[:-1]), np.pi * np.arange(2 * rows) / rows
+    ways = _ways(*np.meshgrid(up, turn, indexing="ij"))
+    light = seen(environment, ways.reshape(-1, 3)).reshape(rows, 2 * rows, 3)
+    solid = -np.diff(np.cos(edge)) * np.pi / rows
+    about = np.linspace(0.5, -0.5, rows + 1)[:, None, None] * np.pi
+    cosine = np.sin(about) * np.sin(up)[:, None]
+    cosine = cosine + np.cos(about) * np.cos(up)[:, None] * np.cos(turn)
+    weight = solid[:, None] * np.maximum(cosine, 0.0) / np.pi
+    if alpha is not None:
+        facing = 0.5 * (1.0 + cosine)  # the half vector's cosine, squared
+        weight = weight / (facing * (alpha**2 - 1.0) + 1.0) ** 2
+        weight = weight / weight.sum(axis=(1, 2), keepdims=True)
+    waves = np.einsum("ijk,jkc->kic", np.fft.rfft(weight), np.fft.rfft(light, axis=1))
+    return np.fft.irfft(waves, 2 * rows, axis=0)
 
 
-@lru_cache(maxsize=8)
-def _scatter_table(environment: Any) -> np.ndarray:
-    """Scattered light of normals by longitude and latitude, ``(65, 33, 3)``."""
-    ways, light = _light(environment)
-    up, turn = np.meshgrid(np.linspace(-0.5, 0.5, 33) * np.pi, np.linspace(-1, 1, 65) * np.pi)
-    normals = np.stack([np.cos(up) * np.sin(turn), np.sin(up), -np.cos(up) * np.cos(turn)], axis=-1)
-    found = np.maximum(normals.reshape(-1, 3) @ ways.T, 0.0) @ light / np.pi
-    return found.reshape(65, 33, 3)
+def _ways(up: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    return np.stack([np.cos(up) * np.sin(turn), np.sin(up), -np.cos(up) * np.cos(turn)], axis=-1)
+
+
+def _about(table: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    """What a table of directions says of unit ``ways`` ``(n, 3)``, linear between its places."""
+    turns, rows = len(table), table.shape[1] - 1
+    x = np.arctan2(ways[:, 0], -ways[:, 2]) / (2.0 * np.pi) * turns
+    y = (0.5 - np.arcsin(np.clip(ways[:, 1], -1.0, 1.0)) / np.pi) * rows
+    left, j = np.floor(x), np.minimum(y.astype(int), rows - 1)
+    fx, fy = (x - left)[:, None], (y - j)[:, None]
+    i = left.astype(int) % turns
+    near = (1.0 - fy) * table[i, j] + fy * table[i, j + 1]
+    i = (i + 1) % turns
+    return (1.0 - fx) * near + fx * ((1.0 - fy) * table[i, j] + fy * table[i, j + 1])
 
 
 def scattered(environment: Any, normals: np.ndarray) -> np.ndarray:
     """What Lambert's surfaces with unit ``normals`` ``(n, 3)`` scatter: the integral over pi."""
-    table = _scatter_table(environment)
-    x = (np.arctan2(normals[:, 0], -normals[:, 2]) / np.pi + 1.0) * 32.0
-    y = (np.arcsin(np.clip(normals[:, 1], -1.0, 1.0)) / np.pi + 0.5) * 32.0
-    i, j = (np.minimum(part.astype(int), most) for part, most in ((x, 63), (y, 31)))
-    fx, fy = (x - i)[:, None], (y - j)[:, None]
-    low = (1.0 - fy) * table[i, j] + fy * table[i, j + 1]
-    high = (1.0 - fy) * table[i + 1, j] + fy * table[i + 1, j + 1]
-    return (1.0 - fx) * low + fx * high
+    return _about(_spread(environment, None), normals)
 
 
-def mirrored(environment: Any, ways: np.ndarray, alpha: float, count: int = 96) -> np.ndarray:
-    """Mean light ``(n, 3)`` about the directions ``ways`` that facets of GGX's ``alpha`` mirror.
+def mirrored(environment: Any, ways: np.ndarray, alpha: float) -> np.ndarray:
+    """Mean light ``(n, 3)`` that facets of GGX's ``alpha`` mirror about unit ``ways``."""
+    if alpha < WIDE:
+        return mirrored_by_draws(environment, ways, alpha)
+    return _about(_spread(environment, alpha), ways)
 
-    As for a view along the normal (Karis 2013): half vectors are drawn by the distribution, and
-    directions weigh by their cosine.
+
+def mirrored_by_draws(
+    environment: Any, ways: np.ndarray, alpha: float, count: int = 96
+) -> np.ndarray:
+    """The same by half vectors that are drawn by the distribution, however narrow it is.
+
+    As for a view along the normal (Karis 2013): directions weigh by their cosine.
     """
     k = np.arange(count)
     part, turn = (k + 0.5) / count, 2.0 * np.pi * (0.618033988749895 * k)

@@ -21,12 +21,18 @@ BLOCK = 1 << 19
 class Hits:
     """Of N rays and F faces: distances ``(N, F)`` in lengths of the rays' ways, infinite for none,
 
-    corner weights ``(N, F, 3)``, and whether the front is met ``(N, F)``.
+    and on which side of the edge opposite each corner the ray passes, ``(N, 3, F)``; ``total`` is
+    their sum, and ``front`` whether the front is met ``(N, F)``.
     """
 
     distance: np.ndarray
-    weights: np.ndarray
+    side: np.ndarray
+    total: np.ndarray
     front: np.ndarray
+
+    def weights(self, ray: np.ndarray, face: np.ndarray) -> np.ndarray:
+        """Corner weights ``(n, 3)`` where rays meet faces."""
+        return self.side[ray, :, face] / self.total[ray, face][:, None]
 
 
 class Triangles:
@@ -36,9 +42,9 @@ class Triangles:
         points = still.corners
         self.still = still
         ahead, after = points[:, :, [1, 2, 0]], points[:, :, [2, 0, 1]]
-        # What B and A x B are multiplied by: (G, 6, F, 3), edge i opposite corner i.
+        # What B and A x B are multiplied by: (G, 6, 3, F), edge i opposite corner i.
         edges = np.concatenate([np.cross(ahead, after), after - ahead], axis=-1)
-        self.edges = np.ascontiguousarray(edges.transpose(0, 3, 1, 2))
+        self.edges = np.ascontiguousarray(edges.transpose(0, 3, 2, 1))
         across, along = points[:, :, 1] - points[:, :, 0], points[:, :, 2] - points[:, :, 0]
         self.normals = np.cross(across, along)
         self.offsets = np.sum(self.normals * points[:, :, 0], axis=-1)
@@ -50,27 +56,25 @@ class Triangles:
     def meet(self, group: np.ndarray, start: np.ndarray, way: np.ndarray) -> Hits:
         """Hits of rays ``start + w way``, w > 0, ``(N, 3)``, at the instants ``group`` ``(N,)``."""
         lines = np.concatenate([way, np.cross(start, way)], axis=-1)
-        side = np.einsum("nk,nkfi->nfi", lines, self.edges[group])
-        return self._hits(side, self._distance(group, start, side), group)
+        return self._hits(np.einsum("nk,nkif->nif", lines, self.edges[group]), group, start)
 
     def meet_all(self, start: np.ndarray, way: np.ndarray) -> Hits:
         """The same of ``(G, P, 3)`` rays, as many at each instant: G * P of them."""
         groups, count = start.shape[:2]
         lines = np.concatenate([way, np.cross(start, way)], axis=-1)
         side = lines @ self.edges.reshape(groups, 6, -1)
-        side = side.reshape(groups * count, self.faces, 3)
-        group = np.arange(groups).repeat(count)
-        return self._hits(side, self._distance(group, start.reshape(-1, 3), side), group)
+        side = side.reshape(groups * count, 3, self.faces)
+        return self._hits(side, np.arange(groups).repeat(count), start.reshape(-1, 3))
 
-    def _distance(self, group: np.ndarray, start: np.ndarray, side: np.ndarray) -> np.ndarray:
-        over = side.sum(axis=-1)
-        height = self.offsets[group] - np.einsum("nfi,ni->nf", self.normals[group], start)
-        return np.divide(height, over, out=np.full_like(over, np.inf), where=over != 0.0)
-
-    def _hits(self, side: np.ndarray, distance: np.ndarray, group: np.ndarray) -> Hits:
-        total = side.sum(axis=-1)
-        inside = (side >= 0.0).all(axis=-1) | (side <= 0.0).all(axis=-1)
-        met = inside & (total != 0.0) & (distance > 0.0) & self.still.there[group]
-        weights = np.divide(side, total[..., None], out=np.zeros_like(side), where=met[..., None])
-        front = total * self.still.front[group] < 0.0
-        return Hits(np.where(met, distance, np.inf), weights, front)
+    def _hits(self, side: np.ndarray, group: np.ndarray, start: np.ndarray) -> Hits:
+        a, b, c = side[:, 0], side[:, 1], side[:, 2]
+        total = a + b + c
+        inside = np.minimum(np.minimum(a, b), c) >= 0.0
+        inside |= np.maximum(np.maximum(a, b), c) <= 0.0
+        ray, face = np.nonzero(inside & (total != 0.0) & self.still.there[group])
+        g = group[ray]
+        height = self.offsets[g, face] - np.einsum("ni,ni->n", self.normals[g, face], start[ray])
+        along = height / total[ray, face]
+        distance = np.full_like(total, np.inf)
+        distance[ray, face] = np.where(along > 0.0, along, np.inf)
+        return Hits(distance, side, total, total * self.still.front[group] < 0.0)

@@ -9,7 +9,7 @@ begins anywhere. So repeats are independent, and every mean is right on average.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,9 @@ class Asked:
 
     With ``centre`` samples lie in the middle of their pixels, and there is no filter. ``depths``
     are those below which alpha is added up. ``moment`` is the part of the exposure at which all
-    instants are, instead of being drawn. All places are moved by ``shift`` pixels.
+    instants are, instead of being drawn, or those of the repeats. With a ``part`` of the exposure
+    it alone counts, and the shutter is open throughout. All places are moved by ``shift`` pixels.
+    The filter "five_point" is the rule of that name for samples in the middle.
     """
 
     strata: int = 64
@@ -37,7 +39,8 @@ class Asked:
     radius: float | None = None
     shadows: str = "lights"
     depths: Sequence[float] = ()
-    moment: float | None = None
+    moment: float | tuple[float, ...] | None = None
+    part: tuple[float, float] | None = None
     transparent: bool = False
     shift: tuple[float, float] = (0.0, 0.0)
     seed: int = 1
@@ -69,10 +72,7 @@ def film(scene: Any, frame: float, size: tuple[int, int], asked: Asked) -> Repea
     rng = np.random.default_rng(asked.seed)
     repeats, strata = asked.repeats, asked.strata
     lines, opens = _lines(scene, size)
-    after = np.full((repeats, 1, strata), asked.moment or 0.0) * exposure.length(scene)
-    if asked.moment is None:
-        share = (np.arange(strata) + rng.uniform(size=(repeats, 1, strata))) / strata
-        after = exposure.opened(scene, share)
+    after = _after(scene, asked, rng)
     # Groups of rays at one instant: each line at each instant of each repeat.
     shape = repeats, len(lines), strata
     instants = (opens[:, None] + after).reshape(-1)
@@ -89,14 +89,44 @@ def film(scene: Any, frame: float, size: tuple[int, int], asked: Asked) -> Repea
     for first in range(0, len(instants), block):
         part = slice(first, first + block)
         values = _groups(scene, frame, instants[part], pixels[part], drawn[part], size, asked)
-        where = (
-            repeat[part].repeat(lines.shape[1]),
-            pixels[part, :, 1].ravel(),
-            pixels[part, :, 0].ravel(),
-        )
+        # Instants of one line in one repeat follow each other.
+        new = np.arange(first, min(first + block, len(instants)))
+        new = new[(new % strata == 0) | (new == first)]
+        where = repeat[new][:, None], pixels[new, :, 1], pixels[new, :, 0]
         for sums, value in zip(total, values, strict=True):
-            np.add.at(sums, where, value / strata)
-    return Repeats(total[0], total[1][..., 0], total[2], total[3])
+            each = value.reshape(len(instants[part]), lines.shape[1], value.shape[1])
+            sums[where] += np.add.reduceat(each, new - first, axis=0) / strata
+    found = Repeats(total[0], total[1][..., 0], total[2], total[3])
+    return _five_points(found) if asked.filter == "five_point" else found
+
+
+def _after(scene: Any, asked: Asked, rng: np.random.Generator) -> np.ndarray:
+    """When instants are, ``(R, 1, strata)``, in frames after the opening of their line."""
+    shape = asked.repeats, 1, asked.strata
+    if asked.moment is not None:
+        moments = np.reshape(asked.moment, (-1, 1, 1))
+        return np.broadcast_to(moments, shape) * exposure.length(scene)
+    share = (np.arange(asked.strata) + rng.uniform(size=shape)) / asked.strata
+    if asked.part is None:
+        return exposure.opened(scene, share)
+    low, high = asked.part
+    return exposure.length(scene) * (low + (high - low) * share)
+
+
+def _five_points(centres: Repeats) -> Repeats:
+    """Pixels' averages: the value at their centre and a 24th of the Laplacian there.
+
+    That is told by the four pixels beside them; beyond the frame a pixel stands for what is not.
+    """
+
+    def average(values: np.ndarray) -> np.ndarray:
+        padded = np.pad(values, ((0, 0), (1, 1), (1, 1), *((0, 0),) * (values.ndim - 3)), "edge")
+        beside = padded[:, :-2, 1:-1] + padded[:, 2:, 1:-1]
+        beside = beside + padded[:, 1:-1, :-2] + padded[:, 1:-1, 2:]
+        return values + (beside - 4.0 * values) / 24.0
+
+    parts = (getattr(centres, item.name) for item in fields(Repeats))
+    return Repeats(*map(average, parts))
 
 
 def _lines(scene: Any, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -192,13 +222,13 @@ def primary(
         low, high = (np.broadcast_to(b, (groups, 1)).repeat(count, axis=0)
                      for b in (piece.low, piece.high))  # fmt: skip
         inside = (hits.distance >= low) & (hits.distance < high)
-        hits = Hits(np.where(inside, hits.distance, np.inf), hits.weights, hits.front)
         if joined is None:
-            joined = hits
+            joined = replace(hits, distance=np.where(inside, hits.distance, np.inf))
         else:
             joined = Hits(
                 np.where(inside, hits.distance, joined.distance),
-                np.where(inside[..., None], hits.weights, joined.weights),
+                np.where(inside[:, None], hits.side, joined.side),
+                np.where(inside, hits.total, joined.total),
                 np.where(inside, hits.front, joined.front),
             )
     last = pieces[-1]

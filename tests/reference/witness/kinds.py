@@ -44,6 +44,8 @@ KINDS: dict[str, Effects] = {
     "layers of a moment": Effects(layers="moment", texture="color", camera="moving"),
     "Cryptomatte": Effects(layers="cryptomatte", alpha="blend"),
     "deep images": Effects(layers="deep", alpha="blend"),
+    "events": Effects(layers="events", alpha="blend", curve="curve"),
+    "five-point rule": Effects(sampling="five_point", texture="color", camera="moving"),
     "point samples": Effects(method="stochastic", **LIT, shadows="shadows", texture="color"),
     "point samples, lens": Effects(method="stochastic", lens="blades", mirror="glossy"),
     "slices": Effects(method="accumulation", **LIT, texture="color"),

@@ -53,7 +53,7 @@ def layers(scene: Any, frame: float, size: tuple[int, int], moment: float) -> di
         w = distance[active, face]
         active, face, w = (part[np.isfinite(w)] for part in (active, face, w))
         distance[active, face] = np.inf
-        weights = hits.weights[active, face]
+        weights = hits.weights(active, face)
         _, alpha = world.surfaces(rays.chosen(active), face, weights, bounce=False)
         found["edge"][active] = np.minimum(found["edge"][active], weights.min(axis=1))
         found["edge"][active] = np.minimum(found["edge"][active], np.abs(alpha - SEEN))

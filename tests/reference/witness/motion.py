@@ -27,6 +27,8 @@ class Still:
         ``(G, F)`` whether the face is visible.
     mesh
         ``(F,)`` place of the mesh in the scene.
+    frames
+        ``(G,)``, of the instants.
     """
 
     corners: np.ndarray
@@ -36,6 +38,7 @@ class Still:
     front: np.ndarray
     there: np.ndarray
     mesh: np.ndarray
+    frames: np.ndarray
 
 
 def freeze(scene: Any, frame: float, relative: np.ndarray, window: tuple[float, float]) -> Still:
@@ -50,7 +53,7 @@ def freeze(scene: Any, frame: float, relative: np.ndarray, window: tuple[float, 
         parts = [_nothing(count)]
     joined = [np.concatenate([part[k] for part in parts], axis=1) for k in range(6)]
     sizes = [part[0].shape[1] for part in parts]
-    return Still(*joined, np.repeat(np.array(shown or [0]), sizes))
+    return Still(*joined, np.repeat(np.array(shown or [0]), sizes), frame + relative)
 
 
 def vertices_at(

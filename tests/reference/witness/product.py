@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -22,6 +26,7 @@ from mbinterval import (
     load,
     render,
 )
+from mbinterval.plan import prepare
 from mbinterval.scene.deform import Morph, MorphedSkin, NodeJoints, Skin
 
 __all__ = [
@@ -53,13 +58,26 @@ PATH_ERROR = 2e-3
 def films(
     scene: Scene, frame: float, size: tuple[int, int], repeats: int = 1, **settings: Any
 ) -> list[Film]:
-    """Films that differ in their seeds alone."""
+    """Films that differ in their seeds alone, which follow each other from ``seed`` on."""
     given = {"motion_error": PATH_ERROR} | settings
-    return [
-        render(scene, frame=frame, width=size[0], height=size[1],
-               settings=Settings(**given, seed=seed))
-        for seed in range(repeats)
-    ]  # fmt: skip
+    first = given.pop("seed", 0)
+    with exposed_once():
+        return [
+            render(scene, frame=frame, width=size[0], height=size[1],
+                   settings=Settings(**given, seed=first + number))
+            for number in range(repeats)
+        ]  # fmt: skip
+
+
+@contextmanager
+def exposed_once() -> Iterator[None]:
+    """Within it a scene is exposed and laid out once for all renders that differ in their seeds.
+
+    That is half the time of small films; seeds do not count there, and what comes of it is frozen.
+    """
+    once = {name: lru_cache(maxsize=4)(getattr(prepare, name)) for name in ("expose", "lay_out")}
+    with mock.patch.multiple(prepare, **once):
+        yield
 
 
 def colors(found: list[Film]) -> np.ndarray:

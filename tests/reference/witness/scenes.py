@@ -50,8 +50,16 @@ AXES: dict[str, tuple[str, ...]] = {
     "sides": ("double", "single"),
     "mirror": ("", "", "flat", "glossy"),
     "around": ("color", "color", "image", "light", "sky"),
-    "sampling": (*4 * ("centre",), "box", "triangle", "gaussian", "blackman_harris", "mitchell"),
-    "layers": ("", "moment", "cryptomatte", "deep"),
+    "sampling": (
+        *4 * ("centre",),
+        "box",
+        "triangle",
+        "gaussian",
+        "blackman_harris",
+        "mitchell",
+        "five_point",
+    ),
+    "layers": ("", "moment", "cryptomatte", "deep", "events"),
 }
 """What is combined; a value that stands twice is drawn twice as often."""
 
@@ -84,13 +92,28 @@ class Effects:
             found.sampling == "mitchell" and found.layers in ("cryptomatte", "deep")
         ):
             found = replace(found, layers="")
+        if found.sampling == "five_point" and (
+            found.method != "analytic" or found.layers not in ("", "moment")
+        ):
+            found = replace(found, sampling="centre")
         if found.method == "accumulation":  # slices at rest have one pattern for all pixels
             return replace(found, sampling="centre")
-        if found.sampling == "centre" and (
+        if found.sampling in ("centre", "five_point") and (
             found.lens != "pinhole" or found.mirror == "glossy" or found.method == "stochastic"
         ):
             return replace(found, sampling="box")
         return found
+
+    @property
+    def steady(self) -> bool:
+        """Whether alpha is constant on each surface."""
+        return self.alpha == "opaque" or (self.alpha == "blend" and self.color != "vertex")
+
+    @property
+    def calm(self) -> bool:
+        """Whether brightness changes where visibility does, and at once."""
+        plain = self.shading == "unlit" and not self.texture and self.color != "vertex"
+        return plain and self.steady and self.around == "color"
 
     @property
     def pairs(self) -> set[tuple[tuple[str, str], ...]]:
@@ -149,6 +172,16 @@ class Case:
     repeats: int
     asked: Asked
     allowed: float
+    effects: Effects
+    parts: tuple[tuple[float, float], ...] = ()
+    """Of the exposure, which events are integrated over."""
+    read: Any = None
+    """What the witness looks at, where it reads a file itself."""
+
+    @property
+    def seen(self) -> Any:
+        """What the witness looks at."""
+        return self.scene if self.read is None else self.read
 
 
 def build(recipe: Recipe) -> Case:
@@ -158,7 +191,7 @@ def build(recipe: Recipe) -> Case:
 
 class _Builder:
     def __init__(self, recipe: Recipe) -> None:
-        self.effects, self.count = recipe.effects, recipe.meshes
+        self.recipe, self.effects, self.count = recipe, recipe.effects, recipe.meshes
         self.rng = np.random.default_rng([recipe.seed, recipe.meshes])
         self.frame = float(self.rng.choice([0.0, 3.0, -2.0]))
         self.open, self.close = ((-0.25, 0.25), (0.0, 0.5), (-0.5, 0.5))[self.rng.integers(3)]
@@ -184,23 +217,40 @@ class _Builder:
         if e.sampling == "centre":
             settings |= {"samples": 1, "pattern": "fixed"}
             repeats = 1 if e.method == "analytic" else repeats
+        elif e.sampling == "five_point":
+            settings |= {"samples": 1, "pattern": "fixed", "filter": "five_point"}
+            repeats = 1
         else:
             settings["filter"] = e.sampling
         if e.lens == "pull":  # of which none are chosen
-            settings["motion_segments"] = 32
+            settings["motion_segments"] = 20
         if e.layers:
             settings["aovs"] = {
                 "moment": ("sharp", "depth", "normal", "uv", "object", "material",
                            *(() if e.rolling else ("forward", "backward"))),
                 "cryptomatte": ("crypto_object", "crypto_material"),
                 "deep": ("deep",),
+                "events": ("events",),
             }[e.layers]  # fmt: skip
-        centre = e.sampling == "centre"
+        centre = e.sampling in ("centre", "five_point")
         asked = Asked(
-            strata=16, repeats=16, centre=centre, filter="box" if centre else e.sampling,
+            strata=16, repeats=16, centre=centre,
+            filter="box" if e.sampling == "centre" else e.sampling,
             depths=THICK if e.layers == "deep" else (), seed=int(self.rng.integers(1 << 30)),
         )  # fmt: skip
-        return Case(scene, self.frame, settings, repeats, asked, self.allowed())
+        return Case(
+            scene, self.frame, settings, repeats, asked, self.allowed(), e, self.event_parts()
+        )
+
+    def event_parts(self) -> tuple[tuple[float, float], ...]:
+        """Limits at the parts of the exposure in which events have colours of their own.
+
+        And others where colours are constant.
+        """
+        if self.effects.layers != "events":
+            return ()
+        aligned = ((0.0, 0.25), (0.25, 0.75), (0.5, 1.0))[self.recipe.seed % 3]
+        return (aligned, (0.3, 0.61)) if self.effects.calm else (aligned,)
 
     def allowed(self) -> float:
         """What colours may be off by: `shading_error`, and what the README says of environments."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import around
 from .cast import BLOCK, Hits, Triangles
+from .tracks import matrices
 
 MATERIAL = SimpleNamespace(
     base_color=(1.0, 1.0, 1.0),
@@ -88,6 +89,7 @@ class World:
             light.kind != "ambient" and shadows != "off" and (light.shadows or shadows == "all")
             for light in scene.lights
         ]
+        self.lights = [_placed(light, self.still.frames) for light in scene.lights]
 
     def behind(self, rays: Rays) -> np.ndarray:
         environment = self.scene.environment
@@ -115,7 +117,7 @@ class World:
                 break
             distance[active, face] = np.inf
             here = rays.chosen(active)
-            color, alpha = self.surfaces(here, face, hits.weights[active, face], bounce)
+            color, alpha = self.surfaces(here, face, hits.weights(active, face), bounce)
             added = seen.left[active] * alpha
             seen.color[active] += added[:, None] * color
             seen.depth[active] += added * w
@@ -209,7 +211,7 @@ class World:
             if source.kind == "ambient":
                 found += arriving * light.ambient()
                 continue
-            towards, strength, distance = _reaching(source, points)
+            towards, strength, distance = _reaching(source, points, *self.lights[index], group)
             if self.casting[index]:
                 strength = strength * self._passing(group, face, points, towards * distance)
             found += arriving * strength[:, None] * light.reflected(towards)
@@ -235,7 +237,7 @@ class World:
             for mesh in np.unique(self.still.mesh[other]):
                 on = self.still.mesh[other] == mesh
                 r, f = ray[on], other[on]
-                weights, g = hits.weights[r, f], group[part][r]
+                weights, g = hits.weights(r, f), group[part][r]
                 vertex = np.einsum("ni,ni->n", weights, self.still.color[g, f][..., 3])
                 uv = np.einsum("ni,nik->nk", weights, self.still.uv[g, f])
                 alpha = _alpha(self.materials[mesh], vertex, uv)
@@ -315,19 +317,26 @@ class _Lit:
         return found
 
 
-def _reaching(light: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _placed(light: Any, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where a light is and which way it shines, ``(G, 3)``, at the instants ``frames``."""
+    place = matrices(light.transform, frames)
+    position = place[:, :3, :3] @ np.asarray(light.position, np.float64) + place[:, :3, 3]
+    return position, _unit(place[:, :3, :3] @ np.asarray(light.direction, np.float64))
+
+
+def _reaching(
+    light: Any, points: np.ndarray, places: np.ndarray, ways: np.ndarray, group: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unit vectors to a light, how strong it is, and how far, ``(n, 1)``, at ``points``."""
     if light.kind == "directional":
-        towards = np.broadcast_to(-_unit(np.asarray(light.direction)[None]), points.shape)
-        return towards, np.ones(len(points)), np.full((len(points), 1), FAR)
-    away = np.asarray(light.position) - points
+        return -ways[group], np.ones(len(points)), np.full((len(points), 1), FAR)
+    away = places[group] - points
     distance = np.linalg.norm(away, axis=1, keepdims=True)
     towards, strength = away / distance, distance[:, 0] ** -2.0
     if light.kind == "spot":
-        axis = _unit(np.asarray(light.direction)[None])[0]
         inner, outer = np.cos(np.radians([light.inner_angle, light.outer_angle]))
-        fade = np.clip((-(towards @ axis) - outer) / max(inner - outer, 1e-3), 0.0, 1.0)
-        strength = strength * fade**2
+        along = -np.sum(towards * ways[group], axis=1)
+        strength = strength * np.clip((along - outer) / max(inner - outer, 1e-3), 0.0, 1.0) ** 2
     return towards, strength, distance
 
 
