@@ -205,7 +205,7 @@ def circle(camera: Camera, w: np.ndarray, height: int = SIZE[1]) -> np.ndarray:
         near, far = (blur(np.asarray(end)) for end in camera.sharp_range)
         value = np.where(value > far, value - far, np.where(value < near, value - near, 0.0))
     if camera.foreground_blur is not None:
-        value = np.maximum(value, -camera.foreground_blur * height * np.maximum(w, 0.0))
+        value = np.maximum(value, -camera.foreground_blur * height * w)
     return value
 
 
