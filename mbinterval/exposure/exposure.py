@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.exposure.framing import framing_camera, headlight
+from mbinterval.exposure.limits import has_limits
 from mbinterval.exposure.mesh_exposure import MeshExposure
 from mbinterval.exposure.mirrors import Mirror, find_mirrors
 from mbinterval.exposure.poses import CameraPoses
@@ -111,11 +112,14 @@ def expose(
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
 
-    worlds = Worlds(meshes, view, cameras, motion_segments, motion_error)
+    roll = _roll(scene.shutter, scene.fps, lines)
+    light = scene.shutter.greatest / (1.0 if roll is None else roll.length)
+    worlds = Worlds(meshes, view, cameras, motion_segments, motion_error, light)
     exposed = tuple(worlds.as_they_are())
     mirrors = find_mirrors(exposed)
-    if mirrors:
+    if mirrors or has_limits(camera):
         exposed = tuple(worlds.with_mirrored(mirrors))
+        notes += worlds.notes()
     if not exposed:
         notes.append("no visible mesh: only the background is seen")
     notes += _outside(scene, window) + _without_mirrors(meshes.values())
@@ -129,7 +133,7 @@ def expose(
         lights=lights,
         background=scene.background,
         shutter=scene.shutter,
-        roll=_roll(scene.shutter, scene.fps, lines),
+        roll=roll,
         mirrors=mirrors,
         notes=tuple(notes),
         environment=around,
