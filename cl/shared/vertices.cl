@@ -7,7 +7,9 @@
 #if LENS()
 // Circle of confusion at depth w, in pixels, times w: affine in w for a thin lens. In the extended
 // range in focus it is zero, and beyond continuous; before the focus it is limited (Wu et al. 2015,
-// 3.4; Munkberg et al. 2012).
+// 3.4; Munkberg et al. 2012). Behind the eye it goes on as next to it, so that an edge through the
+// eye's plane has before it what its points have. Meshes are cut where this bends
+// (mbinterval/exposure/limits.py has it too).
 static double lens_circle(const Camera *camera, double w)
 {
     double scale = camera->aperture;
@@ -15,7 +17,7 @@ static double lens_circle(const Camera *camera, double w)
     double near = scale * (camera->sharp_near / camera->focus - 1.0);
     double far = scale * (camera->sharp_far / camera->focus - 1.0);
     circle -= clamp(circle, near, far);
-    return fmax(circle, -camera->foreground * fmax(w, 0.0));
+    return isinf(camera->foreground) ? circle : fmax(circle, -camera->foreground * w);
 }
 #endif
 

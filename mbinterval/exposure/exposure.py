@@ -6,25 +6,25 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.exposure.framing import framing_camera, headlight
-from mbinterval.exposure.mesh_exposure import MeshExposure, expose_mesh
-from mbinterval.exposure.mirrors import Mirror, find_mirrors, seen_in
+from mbinterval.exposure.limits import has_limits
+from mbinterval.exposure.mesh_exposure import MeshExposure
+from mbinterval.exposure.mirrors import Mirror, find_mirrors
 from mbinterval.exposure.poses import CameraPoses
-from mbinterval.exposure.segments import View, choose_segments
-from mbinterval.exposure.shutter_times import WHOLE, Stretch, Window, stretches
+from mbinterval.exposure.segments import View
+from mbinterval.exposure.shutter_times import Window
 from mbinterval.exposure.sky import Turning, turnings
+from mbinterval.exposure.worlds import Worlds
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.environment import Environment, Reflections
 from mbinterval.scene.model import Light, Mesh, Scene, Vector
-from mbinterval.scene.tracks import Track
 
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -70,14 +70,6 @@ class Exposure:
     sky: tuple[Turning, ...] = ()
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """Motion segments that meshes get which don't state their own; None is by path error."""
-
-    segments: int | None
-    error: float
-
-
 def expose(
     scene: Scene,
     frame: float,
@@ -120,15 +112,14 @@ def expose(
         lights = headlight(cameras[0].rotation[0])
         notes.append("no lights: a headlight was added")
 
-    asked = _Asked(motion_segments, motion_error)
-    exposed = tuple(
-        replace(_expose_stretch(mesh, stretch, view, cameras, asked), index=index)
-        for index, mesh in meshes.items()
-        for stretch in mesh_stretches(mesh, window, camera)
-    )
+    roll = _roll(scene.shutter, scene.fps, lines)
+    light = scene.shutter.greatest / (1.0 if roll is None else roll.length)
+    worlds = Worlds(meshes, view, cameras, motion_segments, motion_error, light)
+    exposed = tuple(worlds.as_they_are())
     mirrors = find_mirrors(exposed)
-    if mirrors:
-        exposed = tuple(_with_mirrored(meshes, mirrors, view, cameras, asked))
+    if mirrors or has_limits(camera):
+        exposed = tuple(worlds.with_mirrored(mirrors))
+        notes += worlds.notes()
     if not exposed:
         notes.append("no visible mesh: only the background is seen")
     notes += _outside(scene, window) + _without_mirrors(meshes.values())
@@ -142,7 +133,7 @@ def expose(
         lights=lights,
         background=scene.background,
         shutter=scene.shutter,
-        roll=_roll(scene.shutter, scene.fps, lines),
+        roll=roll,
         mirrors=mirrors,
         notes=tuple(notes),
         environment=around,
@@ -176,78 +167,6 @@ def reflecting(exposure: Exposure) -> dict[Reflections, list[MeshExposure]]:
         if asked is not None and mesh.world == 0 and mirrors_around(mesh.mesh):
             found.setdefault(asked, []).append(mesh)
     return found
-
-
-def _with_mirrored(
-    meshes: Mapping[int, Mesh],
-    mirrors: tuple[Mirror, ...],
-    view: View,
-    cameras: dict[int, CameraPoses],
-    asked: _Asked,
-) -> Iterator[MeshExposure]:
-    """Yield ``meshes`` and then, for each mirror, what is seen in it: all of them but itself.
-
-    A mesh has as many segments in each mirror as outside, the most that any of these asks for, so
-    that what is seen in mirrors is in the same place as what shades it.
-    """
-    worlds: list[list[MeshExposure]] = [[] for _ in range(len(mirrors) + 1)]
-    for index, mesh in meshes.items():
-        number = next((n for n, mirror in enumerate(mirrors, 1) if mirror.index == index), 0)
-        forms = {0: mesh} | {
-            world: mirror.mesh(mesh)
-            for world, mirror in enumerate(mirrors, start=1)
-            if world != number
-        }
-        for stretch in mesh_stretches(mesh, view.window, view.camera):
-            found = {
-                world: _expose_stretch(form, stretch, view, cameras, asked)
-                for world, form in forms.items()
-            }
-            most = max(found.values(), key=lambda part: part.segments)
-            for world, part in found.items():
-                if part.segments < most.segments:
-                    part = expose_mesh(
-                        forms[world], view.window, most.segments, most.poses, stretch, most.reason
-                    )
-                part = replace(part, index=index, world=world, mirror=0 if world else number)
-                worlds[world] += seen_in(mirrors[world - 1], part) if world else [part]
-    for parts in worlds:
-        yield from parts
-
-
-def mesh_stretches(mesh: Mesh, window: Window, camera: Camera) -> list[Stretch]:
-    """Stretches of the shutter in which ``mesh`` is visible and neither it nor the camera jumps."""
-    jumps = window.times_of(camera.jumps) + window.times_of(mesh.jumps, mesh.own_shutter)
-    if not isinstance(mesh.visible, Track):
-        return stretches(jumps, [(0.0, 1.0)])
-    changes = window.times_of(mesh.visible.jumps)
-    bounds = sorted({0.0, *changes, 1.0})
-    parts = itertools.pairwise(bounds)
-    middles = window.frames((np.array(bounds[1:]) + bounds[:-1]) / 2.0)
-    shown = [mesh.visible.at(float(frame)) > 0.0 for frame in middles]
-    return stretches(jumps, [part for part, seen in zip(parts, shown, strict=True) if seen])
-
-
-def _expose_stretch(
-    mesh: Mesh,
-    stretch: Stretch,
-    view: View,
-    cameras: dict[int, CameraPoses],
-    asked: _Asked,
-) -> MeshExposure:
-    """Expose ``mesh`` over ``stretch``; poses of the whole shutter are kept in ``cameras``."""
-    count, reason = mesh.motion_segments or (mesh.times - 1) or asked.segments, "as asked for"
-    if mesh.motion_segments is None and asked.segments is None and asked.error < np.inf:
-        choice = choose_segments(mesh, view, stretch, asked.error)
-        count, reason = choice.segments, choice.reason
-    count = count or 1
-    if stretch != WHOLE:
-        poses = view.poses(stretch.inside(stretch.ends(count), view.window))
-    else:
-        if count not in cameras:
-            cameras[count] = view.poses(stretch.ends(count))
-        poses = cameras[count]
-    return expose_mesh(mesh, view.window, count, poses, stretch, reason)
 
 
 SCALES = (1e-30, 1e30)

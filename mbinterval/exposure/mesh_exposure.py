@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mbinterval.device import records
 from mbinterval.errors import CapacityError, SceneError
+from mbinterval.exposure.cuts import Cuts
 from mbinterval.exposure.poses import CameraPoses
 from mbinterval.exposure.shutter_times import WHOLE, Stretch, Window
 from mbinterval.scene.deform import ALL, Index, cofactors
@@ -54,6 +55,8 @@ class MeshExposure:
         The number of the mirror that it is; 0 if it is none.
     reason
         Why there are so many segments.
+    cuts
+        How its faces are cut where a lens's limits bend the blur; None where they are the mesh's.
     """
 
     mesh: Mesh
@@ -70,6 +73,17 @@ class MeshExposure:
     world: int = 0
     mirror: int = 0
     reason: str = ""
+    cuts: Cuts | None = None
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """``(F, 3)`` triangles of the vertices that it has."""
+        return self.mesh.faces if self.cuts is None else self.cuts.faces
+
+    @property
+    def parents(self) -> NDArray[np.int64]:
+        """``(F,)`` the face of the mesh that each is, or is a part of."""
+        return np.arange(len(self.mesh.faces)) if self.cuts is None else self.cuts.parents
 
     @property
     def faces_turn(self) -> bool:

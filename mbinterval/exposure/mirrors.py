@@ -171,9 +171,12 @@ def seen_in(mirror: Mirror, copy: MeshExposure) -> Iterator[MeshExposure]:
         return
     heights = sides[0] * mirror.heights(copy.positions)
     behind = (heights < -_CONTACT * np.abs(heights).max(initial=0.0)).any(axis=0)
-    keep = behind[copy.mesh.faces].any(axis=1)
+    keep = behind[copy.faces].any(axis=1)
     if keep.all():
         yield copy
+    elif keep.any() and copy.cuts is not None:
+        face_color = None if copy.face_color is None else copy.face_color[keep]
+        yield replace(copy, cuts=copy.cuts.only(keep), face_color=face_color)
     elif keep.any():
         mesh, by_face = copy.mesh, copy.mesh.color_domain == "face"
         color = mesh.color[keep] if mesh.color is not None and by_face else mesh.color

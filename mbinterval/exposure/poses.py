@@ -47,6 +47,11 @@ class CameraPoses:
         parts = (self.eye, self.rotation, self.focal, self.aperture, self.focus)
         return any(np.any(part != part[:1]) for part in parts)
 
+    def at(self, which: NDArray[np.int64]) -> CameraPoses:
+        """Return some of the poses."""
+        parts = (self.eye, self.rotation, self.focal, self.aperture, self.focus)
+        return CameraPoses(*(part[which] for part in parts))
+
 
 def camera_poses(camera: Camera, frames: Float64, aspect: float) -> CameraPoses:
     """Poses of ``camera`` at ``frames``, shape (T,)."""

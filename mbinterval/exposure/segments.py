@@ -36,7 +36,7 @@ _SHARE = 0.9
 """Of the error that is allowed, for what lies between the places and times that are looked at."""
 _POINTS = 4096
 """Points of a mesh that are looked at, at most."""
-_BORDER = 0.5
+BORDER = 0.5
 """How far beyond the frame, in its sizes, the error counts: parts of what is there may be seen."""
 
 
@@ -191,7 +191,7 @@ def _inner_points(mesh: Mesh, vertices: Places) -> tuple[Places, Float64] | None
 
 def _near_frame(places: Float64, size: Float64) -> NDArray[np.bool_]:
     """Which of ``places`` ``(..., 2)`` in pixels are in the frame or its surroundings."""
-    inside = (places > -_BORDER * size) & (places < (1.0 + _BORDER) * size)
+    inside = (places > -BORDER * size) & (places < (1.0 + BORDER) * size)
     return np.asarray(inside.all(axis=-1))
 
 

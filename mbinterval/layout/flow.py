@@ -32,8 +32,11 @@ def add_flow(
         window = Window(exposure.frame + FLOWS[name], scene.shutter.open, scene.shutter.close)
         view = View(exposure.camera, window, width / height, height)
         parts = [np.zeros((0, 3))]
-        for mesh in (exposed.mesh for exposed in meshes):
-            points = world_positions(mesh, window, mesh_times(mesh, window, times))
+        for exposed in meshes:
+            own = mesh_times(exposed.mesh, window, times)
+            points = world_positions(exposed.mesh, window, own)
+            if exposed.cuts is not None:
+                points = exposed.cuts.extended(points)
             parts.append(view.pixels(points, times)[0])
         places[name] = np.concatenate(parts)
     return replace(motion, places=places)

@@ -111,7 +111,7 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
         cameras=cameras,
         vertex_count=vertex,
         paths=_joined(paths, records.PATH),
-        static_paths=sum(len(mesh.mesh.faces) for mesh in meshes if _is_static(mesh)),
+        static_paths=sum(len(mesh.faces) for mesh in meshes if _is_static(mesh)),
         meshes=table,
         materials=tuple(materials.values()),
         objects=np.array([0, *(mesh.index + 1 for mesh in meshes)], np.uint32),
@@ -137,7 +137,7 @@ def _is_static(mesh: MeshExposure) -> bool:
 def _check_room(exposure: Exposure) -> None:
     """Refuse a scene that indices of 32 bits don't reach, before its arrays are built."""
     meshes = exposure.meshes
-    paths = [len(mesh.mesh.faces) * max(mesh.segments, 1) for mesh in meshes]
+    paths = [len(mesh.faces) * max(mesh.segments, 1) for mesh in meshes]
     vertices = [mesh.positions.shape[1] * (mesh.segments + 1) for mesh in meshes]
     if max(sum(paths), sum(vertices)) > records.MOST_PATHS:
         most = max(range(len(meshes)), key=lambda index: paths[index] + vertices[index])
@@ -194,14 +194,14 @@ def _vertex_jobs(mesh: MeshExposure, first: int, vertex: int, camera: int) -> Re
 
 
 def _motion_paths(mesh: MeshExposure, index: int, vertex: int) -> Record:
-    faces, count = mesh.mesh.faces, mesh.positions.shape[1]
+    faces, count = mesh.faces, mesh.positions.shape[1]
     segments = max(mesh.segments, 1)
     paths = np.zeros((segments, len(faces)), records.PATH)
     base = vertex + count * np.arange(segments)[:, None]
     for corner, name in enumerate("abc"):
         paths[name] = base + faces[None, :, corner]
     paths["step"] = count if mesh.segments else 0
-    paths["face"] = np.arange(len(faces))
+    paths["face"] = mesh.parents
     paths["mesh"] = index
     base = np.asarray(_material(mesh).base_color, np.float32)
     paths["color"] = base if mesh.face_color is None else base * mesh.face_color[:, :3]

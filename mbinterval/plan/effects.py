@@ -165,7 +165,7 @@ def _transparency(exposure: Exposure) -> tuple[Effect, ...]:
 
 def _mirrors(exposure: Exposure) -> tuple[Effect, ...]:
     named = _named("mesh", [mirror.name for mirror in exposure.mirrors])
-    faces = sum(len(mesh.mesh.faces) for mesh in exposure.meshes if mesh.world)
+    faces = sum(len(mesh.faces) for mesh in exposure.meshes if mesh.world)
     seen = f"{named}; {faces} triangles are seen in them" if exposure.mirrors else named
     glossy = [mirror.name for mirror in exposure.mirrors if mirror.shear > 0.0]
     return (

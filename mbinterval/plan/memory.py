@@ -88,7 +88,7 @@ def check_paths(exposure: Exposure, method: str, room: int | None) -> None:
         return
     needs = {
         index: _path_bytes(
-            len(mesh.mesh.faces) * max(mesh.segments, 1),
+            len(mesh.faces) * max(mesh.segments, 1),
             mesh.positions.shape[1] * (mesh.segments + 1),
             method,
             exact=False,
@@ -99,7 +99,7 @@ def check_paths(exposure: Exposure, method: str, room: int | None) -> None:
         most = exposure.meshes[max(needs, key=lambda index: needs[index])]
         raise CapacityError(
             f"the frame needs more than {_mebibytes(sum(needs.values()))} for its motion paths, "
-            f"the most for mesh {most.mesh.name!r} with {len(most.mesh.faces)} faces in "
+            f"the most for mesh {most.mesh.name!r} with {len(most.faces)} faces in "
             f"{max(most.segments, 1)} motion segments; of the memory that is allowed "
             f"{_mebibytes(room)} are left: allow more, or fewer segments (motion_segments, "
             "motion_error)"

@@ -113,10 +113,17 @@ def _mesh_lines(scene: Scene, exposure: Exposure) -> list[str]:
         if mesh.world:
             mirror = exposure.mirrors[mesh.world - 1]
             name += f", seen in {mirror.name or f'mesh {mirror.index}'}"
-        lines.append(f"  {name}: {len(mesh.mesh.faces)} faces, {_motion(mesh)}")
+        lines.append(f"  {name}: {_faces(mesh)}, {_motion(mesh)}")
     if len(exposure.meshes) > _MOST_LISTED:
         lines.append(f"  and {len(exposure.meshes) - _MOST_LISTED} more")
     return lines
+
+
+def _faces(mesh: MeshExposure) -> str:
+    text = f"{len(mesh.mesh.faces)} faces"
+    if mesh.cuts is None:
+        return text
+    return f"{text}, cut into {len(mesh.faces)} where the lens's limits bend its blur"
 
 
 def _motion(mesh: MeshExposure) -> str:

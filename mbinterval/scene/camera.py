@@ -121,6 +121,12 @@ class Shutter(Frozen):
                 values.append((1.0, 0.0))
         return np.array(values)
 
+    @property
+    def greatest(self) -> float:
+        """How far it is open at most, of what it is on average."""
+        times, values = self.keys().T
+        return float(values.max() / np.sum(0.5 * (values[1:] + values[:-1]) * np.diff(times)))
+
     def window(self, fps: float, lines: int) -> tuple[float, float]:
         """Open and close of the exposure of ``lines`` lines, in frames relative to the frame."""
         if self.rolling is None or self.line_offset is None or self.line_exposure is None:
@@ -152,7 +158,8 @@ class Camera(Frozen):
         Number of blades of the diaphragm, from 3; 0 is a round one. Rotation in degrees.
     sharp_range
         Nearest and farthest distance of an extended range in focus; blur begins beyond it (Wu et
-        al. 2015, 3.4).
+        al. 2015, 3.4). Meshes are cut where this and the next bend the blur
+        (`Settings.motion_error`).
     foreground_blur
         Greatest radius of blur before the focus, as a fraction of the image's height.
     meters_per_unit

@@ -93,7 +93,9 @@ class Settings:
         each as many as ``motion_error`` asks for, up to 128.
     motion_error
         How far from their true place, in pixels, the linear motion of segments may take points
-        of a mesh; without effect where ``motion_segments`` are given.
+        of a mesh; without effect where ``motion_segments`` are given. Of a lens with limits
+        (`Camera.sharp_range`, `Camera.foreground_blur`) also how far the radius of blur may be off
+        on average over the exposure, for which meshes are cut too.
     shadows
         ``"lights"``: those lights cast shadows that say so. ``"all"``: all but ambient ones do.
         ``"off"``: none does.

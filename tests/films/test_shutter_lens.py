@@ -205,7 +205,7 @@ def circle(camera: Camera, w: np.ndarray, height: int = SIZE[1]) -> np.ndarray:
         near, far = (blur(np.asarray(end)) for end in camera.sharp_range)
         value = np.where(value > far, value - far, np.where(value < near, value - near, 0.0))
     if camera.foreground_blur is not None:
-        value = np.maximum(value, -camera.foreground_blur * height * np.maximum(w, 0.0))
+        value = np.maximum(value, -camera.foreground_blur * height * w)
     return value
 
 
@@ -248,7 +248,8 @@ def test_films_are_the_mean_of_sheared_pinholes_at_the_same_points_of_the_lens(n
     crop = (3, 2, 5, 5)
     film = mb.render(scene, width=SIZE[0], height=SIZE[1], settings=settings, crop=crop)
     lenses, _ = places(settings, camera=camera)
-    paths = paths_of(expose(scene, 1.0, 2.0), *SIZE)
+    exposure = expose(scene, 1.0, 2.0, motion_error=settings.motion_error, height=SIZE[1])
+    paths = paths_of(exposure, *SIZE)
     want = np.zeros_like(film.rgba, dtype=np.float64)
     for row in range(5):
         for column in range(5):

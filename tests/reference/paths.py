@@ -207,7 +207,7 @@ def needs_attributes(mesh: MeshExposure) -> bool:
 
 def alpha_of(mesh: MeshExposure) -> tuple[np.ndarray, np.ndarray]:
     """Constant factor of the alpha of each face ``(F,)``, and whether the face is opaque."""
-    count, material = len(mesh.mesh.faces), mesh.mesh.material
+    count, material = len(mesh.faces), mesh.mesh.material
     mode = "opaque" if material is None else material.alpha_mode
     if mode == "auto":
         mode = "opaque" if material.opacity == 1.0 else "blend"
@@ -236,7 +236,7 @@ def to_pixels(
 def _mesh_paths(
     mesh: MeshExposure, poses: CameraPoses, index: int, size: tuple[int, int], attributes: bool
 ) -> Paths:
-    faces, count = mesh.mesh.faces, max(mesh.segments, 1)
+    faces, count = mesh.faces, max(mesh.segments, 1)
     ends = [min(time, mesh.segments) for time in range(count + 1)]
     world = [mesh.positions[min(time, len(mesh.positions) - 1)] for time in ends]
     pixels = [to_pixels(p, poses, t, *size)[faces] for p, t in zip(world, ends, strict=True)]
@@ -282,7 +282,7 @@ def _per_segment(values: list[np.ndarray]) -> np.ndarray:
 
 def _attributes(mesh: MeshExposure, time: int) -> np.ndarray:
     """Attributes ``(F, 3, ATTRIBUTES)`` at shutter time ``time``; normals are 0 where none."""
-    faces = mesh.mesh.faces
+    faces = mesh.faces
     result = np.zeros((len(faces), 3, ATTRIBUTES))
     result[..., COLOR] = result[..., ALPHA] = 1.0
     for first, values in ((UV, mesh.uv), (NORMAL, mesh.normals), (COLOR, mesh.color)):

@@ -160,7 +160,6 @@ def test_light_between_bits_does_not_depend_on_the_number_of_segments():
 
 
 @pytest.mark.parametrize("limit", [{"sharp_range": (4.0, 9.0)}, {"foreground_blur": 0.01}])
-@wrong("issue 18: limits bend the circle of confusion at vertices only")
 def test_what_is_in_focus_does_not_depend_on_how_a_mesh_is_cut(limit):
     road = Mesh(
         [[-0.4, -0.8, -2], [0.4, -0.8, -2], [0.4, -0.8, -20], [-0.4, -0.8, -20]], FACES,
@@ -168,9 +167,11 @@ def test_what_is_in_focus_does_not_depend_on_how_a_mesh_is_cut(limit):
     )  # fmt: skip
     camera = Camera(fov=50.0, f_stop=1.0, focus_distance=6.0, meters_per_unit=0.03, **limit)
     scene = Scene([road], camera)
-    given = shown(scene, Settings(samples=256, pattern="sobol"), (48, 36))
-    away = given - seen(scene, (48, 36), strata=512, repeats=1, centre=False)
-    assert np.abs(away)[..., 3].max() < 0.03
+    given = [
+        shown(scene, Settings(samples=256, pattern="sobol", seed=k), (48, 36)) for k in range(4)
+    ]
+    away = np.mean(given, axis=0) - seen(scene, (48, 36), strata=512, repeats=4, centre=False)
+    assert np.abs(away)[..., 3].max() < 0.03  # one film and one repeat differ by .04 of noise
 
 
 @wrong("issue 19: a focus pull is left out of motion_error")

@@ -18,7 +18,7 @@ from . import camera as cameras
 from . import exposure, filters
 from .cast import BLOCK, Hits, Triangles
 from .motion import freeze
-from .shade import Rays, Seen, World
+from .shade import Lines, Rays, Seen, World, joined
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def _groups(
         [np.cos(2 * np.pi * drawn[..., 5:]), np.sin(2 * np.pi * drawn[..., 5:])], axis=-1
     )
     behind = _background(scene, pixels)
-    rays = Rays(rays.group, rays.start, rays.way, rays.eye, behind, disc.reshape(-1, 2))
+    rays = replace(rays, behind=behind, disc=disc.reshape(-1, 2))
     seen = world.look(rays, hits, keep=bool(asked.depths))
     color = seen.color
     if not asked.transparent:
@@ -216,21 +216,13 @@ def primary(
     groups, count = places.shape[:2]
     group = np.arange(groups).repeat(count)
     eye = poses.eye.repeat(count, axis=0)
-    joined: Hits | None = None
+    found: Hits | None = None
+    bent = []
     for piece in pieces:
         hits = world.triangles.meet_all(piece.start, piece.way)
-        low, high = (np.broadcast_to(b, (groups, 1)).repeat(count, axis=0)
-                     for b in (piece.low, piece.high))  # fmt: skip
-        inside = (hits.distance >= low) & (hits.distance < high)
-        if joined is None:
-            joined = replace(hits, distance=np.where(inside, hits.distance, np.inf))
-        else:
-            joined = Hits(
-                np.where(inside, hits.distance, joined.distance),
-                np.where(inside[:, None], hits.side, joined.side),
-                np.where(inside, hits.total, joined.total),
-                np.where(inside, hits.front, joined.front),
-            )
-    last = pieces[-1]
-    start, way = last.start.reshape(-1, 3), last.way.reshape(-1, 3)
-    return Rays(group, start, way, eye, np.zeros((len(group), 3))), joined
+        low, high = (np.broadcast_to(b, (groups, 1)).repeat(count) for b in (piece.low, piece.high))
+        found = joined(found, hits, low, high)
+        bent.append(Lines(piece.start.reshape(-1, 3), piece.way.reshape(-1, 3), low, high))
+    last = bent[-1]
+    rays = Rays(group, last.start, last.way, eye, np.zeros((len(group), 3)))
+    return replace(rays, bent=tuple(bent) if len(bent) > 1 else ()), found

@@ -446,6 +446,9 @@ class _Builder:
         if e.lens == "pull":
             given["focus_distance"] = Track(self.frame + np.array([-1.0, 1.0]),
                                             self.between(3.0, 5.5, 2))  # fmt: skip
+        if e.lens != "pinhole":  # limits are numbers alone: kernels are the same without
+            given |= self.pick({}, self.sharp_range(), self.foreground(),
+                               self.sharp_range() | self.foreground())  # fmt: skip
         if e.camera == "still":
             return Camera(position=(0.1, 0.2, 4.0), look_at=(0, 0, 0), fov=40.0, **given)
         if self.pick(True, False):
@@ -459,6 +462,12 @@ class _Builder:
             rotation=Track(frames, turn, "linear", True),
         )
         return Camera(transform=place, focal_length=35.0, vertical_aperture=24.0, **given)
+
+    def sharp_range(self) -> dict[str, Any]:
+        return {"sharp_range": tuple(self.between([2.8, 4.2], [4.0, 5.5]))}
+
+    def foreground(self) -> dict[str, Any]:
+        return {"foreground_blur": float(self.between(0.005, 0.06))}
 
     def lights(self) -> list[Light]:
         e = self.effects

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -54,6 +54,26 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
+class Lines:
+    """N lines ``start + w way`` for w from ``low`` to ``high`` ``(N,)``."""
+
+    start: np.ndarray
+    way: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def chosen(self, which: np.ndarray) -> Lines:
+        return Lines(*(part[which] for part in vars(self).values()))
+
+    def place(self, points: np.ndarray) -> np.ndarray:
+        """Where on the lines ``points`` ``(N, 3)`` are; -inf if they are not."""
+        w = np.sum((points - self.start) * self.way, axis=1) / np.sum(self.way**2, axis=1)
+        off = np.linalg.norm(self.start + w[:, None] * self.way - points, axis=1)
+        on = (off < 1e-9 * (1.0 + np.abs(w))) & (w >= self.low) & (w < self.high)
+        return np.where(on, w, -np.inf)
+
+
+@dataclass(frozen=True, eq=False)
 class Rays:
     """N rays ``start + w way`` at the instants ``group``; ``eye`` is where light goes to."""
 
@@ -65,11 +85,14 @@ class Rays:
     """What is seen where nothing is, unless an environment is: ``(N, 3)``."""
     disc: np.ndarray | None = None
     """Of the unit disc: where glossy mirrors send each ray ``(N, 2)``."""
+    bent: tuple[Lines, ...] = ()
+    """Of rays that limits of the lens bend: all that they consist of; the last is the rays."""
 
     def chosen(self, which: np.ndarray) -> Rays:
         disc = None if self.disc is None else self.disc[which]
         parts = (self.group, self.start, self.way, self.eye, self.behind)
-        return Rays(*(part[which] for part in parts), disc)
+        bent = tuple(lines.chosen(which) for lines in self.bent)
+        return Rays(*(part[which] for part in parts), disc, bent)
 
 
 class World:
@@ -154,24 +177,28 @@ class World:
 
     def _mirrored(self, rays: Rays, face: np.ndarray, points: np.ndarray) -> np.ndarray:
         normal = _unit(self.triangles.normals[rays.group, face])
-        along = np.sum(rays.way * normal, axis=1, keepdims=True)
-        way = rays.way - 2.0 * along * normal
+        lines = rays.bent
+        if not lines:
+            lines = (Lines(points, rays.way, np.zeros(len(points)), np.full(len(points), np.inf)),)
+        begin = np.max([line.place(points) for line in lines], axis=0) + 1e-9
         # Light goes to where a clear mirror shows the eye.
         height = np.sum((rays.eye - points) * normal, axis=1, keepdims=True)
         eye = rays.eye - 2.0 * height * normal
+        off = np.zeros_like(points)
         shear = [self.materials[self.still.mesh[f]].reflection_shear for f in face]
         if np.any(shear) and rays.disc is not None:
             first = np.cross(normal, [0.36, -0.48, 0.8])
             first = _unit(first)
-            off = np.array(shear)[:, None] * np.abs(along) * rays.disc
-            way = way + off[:, :1] * first + off[:, 1:] * np.cross(normal, first)
-        reflected = Rays(rays.group, points, way, eye, rays.behind)
+            disc = np.array(shear)[:, None] * rays.disc * -np.sign(height)
+            off = disc[:, :1] * first + disc[:, 1:] * np.cross(normal, first)
+        lines = tuple(_behind_mirror(line, points, normal, off, begin) for line in lines)
+        last = lines[-1]
+        reflected = Rays(rays.group, last.start, last.way, eye, rays.behind, None, lines)
         found = np.zeros_like(points)
         for part in _blocks(len(points), self.triangles.faces):
             some = reflected.chosen(part)
-            hits = self.triangles.meet(some.group, some.start, some.way)
+            hits = met_by_lines(self.triangles, some.group, some.bent)
             hits.distance[np.arange(len(part)), face[part]] = np.inf
-            hits.distance[hits.distance < 1e-9] = np.inf
             seen = self.look(some, hits, bounce=False)
             found[part] = seen.color + seen.left[:, None] * self.behind(some)
         return found
@@ -244,6 +271,44 @@ class World:
                 np.multiply.at(here, r, 1.0 - alpha)
             passed[part] = here
         return passed
+
+
+def met_by_lines(triangles: Triangles, group: np.ndarray, lines: tuple[Lines, ...]) -> Hits:
+    """What lines meet that go on from each other; of a face that two of them meet the nearer."""
+    found: Hits | None = None
+    for line in lines:
+        hits = triangles.meet(group, line.start, line.way)
+        found = joined(found, hits, line.low, line.high)
+    assert found is not None
+    return found
+
+
+def joined(found: Hits | None, hits: Hits, low: np.ndarray, high: np.ndarray) -> Hits:
+    """``found`` and those of ``hits`` that are from ``low`` to ``high`` ``(N,)``."""
+    inside = (hits.distance >= low[:, None]) & (hits.distance < high[:, None])
+    if found is None:
+        return replace(hits, distance=np.where(inside, hits.distance, np.inf))
+    inside &= np.isinf(found.distance)
+    return Hits(
+        np.where(inside, hits.distance, found.distance),
+        np.where(inside[:, None], hits.side, found.side),
+        np.where(inside, hits.total, found.total),
+        np.where(inside, hits.front, found.front),
+    )
+
+
+def _behind_mirror(
+    line: Lines, points: np.ndarray, normal: np.ndarray, off: np.ndarray, begin: np.ndarray
+) -> Lines:
+    """Lines from where they meet a plane on, reflected; ``off`` is what glossy ones add by depth.
+
+    What is mirrored is sheared along the plane by its height over it.
+    """
+    over = np.sum((line.start - points) * normal, axis=1, keepdims=True)
+    along = np.sum(line.way * normal, axis=1, keepdims=True)
+    start = line.start - 2.0 * over * normal + over * off
+    way = line.way - 2.0 * along * normal + along * off
+    return Lines(start, way, np.maximum(line.low, begin), line.high)
 
 
 @dataclass(frozen=True, eq=False)
