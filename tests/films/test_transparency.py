@@ -56,7 +56,7 @@ def test_random_scenes_agree_with_the_twin(name, seed):
     assert rms(error) < 1e-5
     assert np.abs(error).max() < 1e-3
     covered = found.rgba[..., 3] > 1e-2
-    assert found.depth[covered] == pytest.approx(truth.depth[covered], rel=1e-4)
+    assert found.depth[covered] == pytest.approx(truth.depth[covered], rel=2e-4)
     assert np.all(found.intervals <= truth.intervals + 1)
 
 
