@@ -65,7 +65,8 @@ _HOMES = {
     **dict.fromkeys(("Camera", "Light", "Material", "Mesh", "Scene"), "scene.model"),
     **dict.fromkeys(("Shutter", "Texture"), "scene.model"),
     **dict.fromkeys(("Environment", "Reflections"), "scene.environment"),
-    **dict.fromkeys(("Track", "Transform"), "scene.tracks"),
+    "Track": "scene.tracks",
+    "Transform": "scene.transforms",
     "Comparison": "comparison.comparison",
     "DeepImage": "film.deep",
     "Events": "film.events",
@@ -103,7 +104,8 @@ if TYPE_CHECKING:
     from mbinterval.scene.environment import Environment, Reflections
     from mbinterval.scene.formats.load import load, load_file
     from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
-    from mbinterval.scene.tracks import Track, Transform
+    from mbinterval.scene.tracks import Track
+    from mbinterval.scene.transforms import Transform
     from mbinterval.settings.settings import Settings
 
 

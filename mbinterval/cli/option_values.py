@@ -36,8 +36,8 @@ def shutter(text: str) -> tuple[float, float]:
         low, high = map(float, text.split(","))
     except ValueError:
         raise UsageError(f"{text!r} is not OPEN,CLOSE, two numbers") from None
-    if not low < high:
-        raise UsageError(f"{text!r}: the shutter must open before it closes")
+    if not low <= high:
+        raise UsageError(f"{text!r}: the shutter must not close before it opens")
     return low, high
 
 
@@ -50,7 +50,7 @@ def shutter_angle(text: str) -> tuple[float, float]:
         angled = Shutter.from_angle(float(angle), place or "centre")
     except (ValueError, SceneError):
         raise UsageError(
-            f"{text!r} is not degrees above 0, or these and centre, start or end, as in 180,start"
+            f"{text!r} is not degrees from 0 up, or these and centre, start or end, as in 180,start"
         ) from None
     return angled.open, angled.close
 

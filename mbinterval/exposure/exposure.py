@@ -6,25 +6,24 @@ that every source of motion (keys, arrays per time, the camera) is treated alike
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
+from mbinterval.exposure.asked import Asked
+from mbinterval.exposure.camera_path import CameraPath, View
+from mbinterval.exposure.cut import Cut
 from mbinterval.exposure.framing import framing_camera, headlight
-from mbinterval.exposure.mesh_exposure import MeshExposure, expose_mesh
-from mbinterval.exposure.mirrors import Mirror, find_mirrors, seen_in
-from mbinterval.exposure.poses import CameraPoses
-from mbinterval.exposure.segments import View, choose_segments
-from mbinterval.exposure.shutter_times import WHOLE, Stretch, Window, stretches
+from mbinterval.exposure.mesh_exposure import MeshExposure
+from mbinterval.exposure.mirrors import Mirror, find_mirrors
+from mbinterval.exposure.shutter_times import Window
 from mbinterval.exposure.sky import Turning, turnings
 from mbinterval.scene.camera import Camera, Shutter
 from mbinterval.scene.environment import Environment, Reflections
 from mbinterval.scene.model import Light, Mesh, Scene, Vector
-from mbinterval.scene.tracks import Track
 
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -49,17 +48,15 @@ class Exposure:
     """What happens while the shutter is open, at one frame.
 
     A mesh that is exposed in several stretches is in ``meshes`` once for each, and once more for
-    each of the ``mirrors`` that it may be seen in, reflected. ``cameras[K]`` holds the camera at
-    K + 1 equally spaced times, for every K in use over the whole shutter; ``camera`` is the
-    animated one that they are poses of. ``sky`` is the camera for an ``environment`` that it sees.
-    ``notes`` say what had to be assumed.
+    each of the ``mirrors`` that it may be seen in, reflected. ``path`` is the camera over the
+    shutter, by the chords that everything is seen along; ``camera`` is the animated one. ``sky`` is
+    the camera for an ``environment`` that it sees. ``notes`` say what had to be assumed.
     """
 
     frame: float
     meshes: tuple[MeshExposure, ...]
     camera: Camera
-    cameras: Mapping[int, CameraPoses]
-    camera_moves: bool
+    path: CameraPath
     lights: tuple[Light, ...]
     background: Vector | Float32
     shutter: Shutter
@@ -70,30 +67,21 @@ class Exposure:
     sky: tuple[Turning, ...] = ()
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """Motion segments that meshes get which don't state their own; None is by path error."""
-
-    segments: int | None
-    error: float
-
-
 def expose(
     scene: Scene,
     frame: float,
     aspect: float,
-    motion_segments: int | None = None,
+    asked: Asked,
+    *,
     lines: int = 1,
-    motion_error: float = np.inf,
     height: int = 1,
 ) -> Exposure:
     """Freeze ``scene`` over the shutter of ``frame``.
 
-    ``aspect`` is the image's width over its height, ``height`` its height in pixels.
-    ``motion_segments`` is the number for meshes that don't state their own
-    (``Mesh.motion_segments`` or positions per time); without, they get as many as keep their
-    paths within ``motion_error`` pixels (`choose_segments`). ``lines`` is the number of lines of a
-    rolling shutter, rows or columns of pixels.
+    ``aspect`` is the image's width over its height, ``height`` its height in pixels. ``asked``
+    says how finely motion is cut; meshes may state a number of segments themselves
+    (``Mesh.motion_segments``, positions per time). ``lines`` is the number of lines of a rolling
+    shutter, rows or columns of pixels.
     """
     notes = list(scene.notes)
     camera = scene.camera
@@ -101,44 +89,38 @@ def expose(
         camera = framing_camera(scene)
         notes.append("no camera: one that frames the scene was made")
     window = Window(frame, *scene.shutter.window(scene.fps, lines))
-    if not window.open < window.close:
+    if scene.shutter.rolling is not None and not window.open < window.close:
         raise SceneError(
             f"shutter: with fps={scene.fps:g} its lines take no time that numbers tell apart; "
             "give a longer line_exposure or line_offset"
         )
     view = View(camera, window, aspect, height)
-    cameras = {0: view.poses(np.zeros(1)), 1: view.poses(np.arange(2.0))}
     meshes = {
         index: mesh
         for index, mesh in enumerate(scene.meshes)
         if mesh.visible is not False and len(mesh.faces)
     }
+    cut = Cut(view, meshes, asked)
     lights = tuple(light.at(frame) for light in scene.lights)
     materials = [mesh.material for mesh in meshes.values()]
     around = scene.environment
     if not lights and around is None and any(m is None or m.shading != "unlit" for m in materials):
-        lights = headlight(cameras[0].rotation[0])
+        lights = headlight(cut.path.opening.rotation[0])
         notes.append("no lights: a headlight was added")
 
-    asked = _Asked(motion_segments, motion_error)
-    exposed = tuple(
-        replace(_expose_stretch(mesh, stretch, view, cameras, asked), index=index)
-        for index, mesh in meshes.items()
-        for stretch in mesh_stretches(mesh, window, camera)
-    )
-    mirrors = find_mirrors(exposed)
+    mirrors = find_mirrors(list(cut.mirroring()))
     if mirrors:
-        exposed = tuple(_with_mirrored(meshes, mirrors, view, cameras, asked))
+        cut.see_in(mirrors)
+    exposed = tuple(cut.exposed(mirrors))
     if not exposed:
         notes.append("no visible mesh: only the background is seen")
-    notes += _outside(scene, window) + _without_mirrors(meshes.values())
-    _check_scale(exposed, cameras, lights)
+    notes += _outside(scene, window) + _without_mirrors(meshes.values()) + cut.notes()
+    _check_scale(exposed, cut.path, lights)
     return Exposure(
         frame=frame,
         meshes=exposed,
         camera=camera,
-        cameras=cameras,
-        camera_moves=view.moves,
+        path=cut.path,
         lights=lights,
         background=scene.background,
         shutter=scene.shutter,
@@ -146,7 +128,7 @@ def expose(
         mirrors=mirrors,
         notes=tuple(notes),
         environment=around,
-        sky=turnings(view, motion_segments, motion_error)
+        sky=turnings(cut.path, aspect, height, asked)
         if around is not None and around.background
         else (),
     )
@@ -178,78 +160,6 @@ def reflecting(exposure: Exposure) -> dict[Reflections, list[MeshExposure]]:
     return found
 
 
-def _with_mirrored(
-    meshes: Mapping[int, Mesh],
-    mirrors: tuple[Mirror, ...],
-    view: View,
-    cameras: dict[int, CameraPoses],
-    asked: _Asked,
-) -> Iterator[MeshExposure]:
-    """Yield ``meshes`` and then, for each mirror, what is seen in it: all of them but itself.
-
-    A mesh has as many segments in each mirror as outside, the most that any of these asks for, so
-    that what is seen in mirrors is in the same place as what shades it.
-    """
-    worlds: list[list[MeshExposure]] = [[] for _ in range(len(mirrors) + 1)]
-    for index, mesh in meshes.items():
-        number = next((n for n, mirror in enumerate(mirrors, 1) if mirror.index == index), 0)
-        forms = {0: mesh} | {
-            world: mirror.mesh(mesh)
-            for world, mirror in enumerate(mirrors, start=1)
-            if world != number
-        }
-        for stretch in mesh_stretches(mesh, view.window, view.camera):
-            found = {
-                world: _expose_stretch(form, stretch, view, cameras, asked)
-                for world, form in forms.items()
-            }
-            most = max(found.values(), key=lambda part: part.segments)
-            for world, part in found.items():
-                if part.segments < most.segments:
-                    part = expose_mesh(
-                        forms[world], view.window, most.segments, most.poses, stretch, most.reason
-                    )
-                part = replace(part, index=index, world=world, mirror=0 if world else number)
-                worlds[world] += seen_in(mirrors[world - 1], part) if world else [part]
-    for parts in worlds:
-        yield from parts
-
-
-def mesh_stretches(mesh: Mesh, window: Window, camera: Camera) -> list[Stretch]:
-    """Stretches of the shutter in which ``mesh`` is visible and neither it nor the camera jumps."""
-    jumps = window.times_of(camera.jumps) + window.times_of(mesh.jumps, mesh.own_shutter)
-    if not isinstance(mesh.visible, Track):
-        return stretches(jumps, [(0.0, 1.0)])
-    changes = window.times_of(mesh.visible.jumps)
-    bounds = sorted({0.0, *changes, 1.0})
-    parts = itertools.pairwise(bounds)
-    middles = window.frames((np.array(bounds[1:]) + bounds[:-1]) / 2.0)
-    shown = [mesh.visible.at(float(frame)) > 0.0 for frame in middles]
-    return stretches(jumps, [part for part, seen in zip(parts, shown, strict=True) if seen])
-
-
-def _expose_stretch(
-    mesh: Mesh,
-    stretch: Stretch,
-    view: View,
-    cameras: dict[int, CameraPoses],
-    asked: _Asked,
-) -> MeshExposure:
-    """Expose ``mesh`` over ``stretch``; poses of the whole shutter are kept in ``cameras``."""
-    count, reason = mesh.motion_segments or (mesh.times - 1) or asked.segments, "as asked for"
-    if mesh.motion_segments is None and asked.segments is None and asked.error < np.inf:
-        choice = choose_segments(mesh, view, stretch, asked.error)
-        count, reason = choice.segments, choice.reason
-    count = count or 1
-    if stretch != WHOLE:
-        poses = view.poses(stretch.inside(stretch.ends(count), view.window))
-    else:
-        if count not in cameras:
-            cameras[count] = view.poses(stretch.ends(count))
-        poses = cameras[count]
-    return expose_mesh(mesh, view.window, count, poses, stretch, reason)
-
-
 SCALES = (1e-30, 1e30)
 """Distances that can be rendered: their products must keep clear of the ends of float64."""
 LIT_SCALES = (1e-15, 1e18)
@@ -257,14 +167,13 @@ LIT_SCALES = (1e-15, 1e18)
 
 
 def _check_scale(
-    meshes: tuple[MeshExposure, ...], cameras: Mapping[int, CameraPoses], lights: Sequence[Light]
+    meshes: tuple[MeshExposure, ...], path: CameraPath, lights: Sequence[Light]
 ) -> None:
     """Refuse what is too far away, at any time, and scenes all of which is too near the eye."""
     placed = [light for light in lights if light.kind in ("point", "spot")]
     low, high = LIT_SCALES if placed else SCALES
     lit = ", where a light has a place" if placed else ""
-    size, eye = 0.0, cameras[0].eye[0]
-    moving = np.concatenate([poses.eye for poses in cameras.values()])
+    size, eye, moving = 0.0, path.opening.eye[0], path.eyes
     for mesh in meshes:
         first, last = mesh.positions.min(axis=(0, 1)), mesh.positions.max(axis=(0, 1))
         eyes = np.concatenate([moving, mesh.poses.eye])

@@ -22,7 +22,7 @@ from mbinterval.scene import field_values
 if TYPE_CHECKING:
     from mbinterval.exposure.mesh_exposure import MeshExposure
     from mbinterval.scene.model import Light, Mesh
-    from mbinterval.scene.tracks import Placement
+    from mbinterval.scene.transforms import Placement
 
 Float64 = NDArray[np.float64]
 
@@ -158,6 +158,21 @@ def _mirror_of(parts: Sequence[MeshExposure]) -> Mirror:
             f"{moved:.3g}; give it motion_blur = false, or leave reflectivity out of its material"
         )
     return mirror
+
+
+def reflected(mirror: Mirror, world: int, part: MeshExposure) -> MeshExposure:
+    """``part`` as it is in the ``world`` behind ``mirror``, seen from the back of its faces."""
+    matrix = mirror.matrix
+    normals = None if part.normals is None else part.normals @ matrix[:3, :3].T
+    mesh = mirror.mesh(part.mesh)
+    return replace(
+        part,
+        mesh=replace(mesh, faces=mesh.faces[:, ::-1]),
+        positions=part.positions @ matrix[:3, :3].T + matrix[:3, 3],
+        normals=normals,
+        world=world,
+        mirror=0,
+    )
 
 
 def seen_in(mirror: Mirror, copy: MeshExposure) -> Iterator[MeshExposure]:

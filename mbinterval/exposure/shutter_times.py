@@ -33,20 +33,36 @@ class Window:
         """
         return np.asarray(self.frame + scale * (self.open + times * (self.close - self.open)))
 
+    @property
+    def instant(self) -> bool:
+        """Whether the shutter is open for no time at all: all that it sees is one moment."""
+        return self.open == self.close
+
+    def times(self, frames: Float64, scale: float = 1.0) -> Float64:
+        """Times of the shutter at which what is scaled so is at ``frames``."""
+        length = self.close - self.open
+        return np.asarray(((frames - self.frame) / scale - self.open) / length)
+
     def scaled(self, times: Float64, scale: float) -> Float64:
         """Times of the shutter at which something is evaluated whose shutter is scaled so."""
         length = self.close - self.open
+        if self.instant:
+            return times
         return np.asarray((scale * (self.open + times * length) - self.open) / length)
+
+    def unscaled(self, times: Float64, scale: float) -> Float64:
+        """Times of the shutter at which something whose shutter is scaled so is at ``times``."""
+        length = self.close - self.open
+        return np.asarray(((self.open + times * length) / scale - self.open) / length)
 
     def times_of(self, frames: Iterable[float], scale: float = 1.0) -> list[float]:
         """Times in [0, 1], ascending, at which what is scaled so is at one of ``frames``.
 
         They are rounded to float32, in which the kernels have them, so that none are too near.
         """
-        if scale == 0.0:
+        if scale == 0.0 or self.instant:
             return []
-        relative = (np.array(list(frames)) - self.frame) / scale
-        times = (relative - self.open) / (self.close - self.open)
+        times = self.times(np.array(list(frames)), scale)
         times = np.unique(np.where(np.abs(times) < 1e-7, 0.0, times).astype(np.float32))
         return [float(time) for time in times if 0.0 <= time <= 1.0]
 
@@ -76,6 +92,8 @@ class Stretch:
     def inside(self, times: Float64, window: Window) -> Float64:
         """``times``, moved off the jumps at the ends, so that the stretch's own values are met."""
         length = window.close - window.open
+        if window.instant:
+            return times
         near = _NEAR * max(1.0, abs(window.frame), length) / length
         low = self.open + near if self.after else -np.inf
         return np.clip(times, low, self.close - near if self.before else np.inf)

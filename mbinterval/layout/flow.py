@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from mbinterval.exposure.camera_path import View
 from mbinterval.exposure.exposure import Exposure
-from mbinterval.exposure.mesh_exposure import mesh_times, world_positions
-from mbinterval.exposure.segments import View
 from mbinterval.exposure.shutter_times import Window
+from mbinterval.exposure.true_motion import world_positions
 from mbinterval.film.aovs import FLOWS
 from mbinterval.layout.motion import Motion, in_order
 from mbinterval.scene.model import Scene
@@ -33,7 +33,7 @@ def add_flow(
         view = View(exposure.camera, window, width / height, height)
         parts = [np.zeros((0, 3))]
         for mesh in (exposed.mesh for exposed in meshes):
-            points = world_positions(mesh, window, mesh_times(mesh, window, times))
+            points = world_positions(mesh, window, times)
             parts.append(view.pixels(points, times)[0])
         places[name] = np.concatenate(parts)
     return replace(motion, places=places)

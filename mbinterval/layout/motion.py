@@ -17,7 +17,7 @@ from mbinterval.errors import CapacityError
 from mbinterval.exposure.exposure import Exposure
 from mbinterval.exposure.mesh_exposure import MeshExposure
 from mbinterval.exposure.mirrors import Mirror
-from mbinterval.exposure.poses import CameraPoses
+from mbinterval.exposure.poses import CameraPoses, pixel_matrix
 from mbinterval.layout.alpha import face_alpha, has_vertex_alpha, is_translucent
 from mbinterval.layout.appearance import DEFAULT_MATERIAL
 from mbinterval.scene.model import Material
@@ -206,7 +206,7 @@ def _motion_paths(mesh: MeshExposure, index: int, vertex: int) -> Record:
     base = np.asarray(_material(mesh).base_color, np.float32)
     paths["color"] = base if mesh.face_color is None else base * mesh.face_color[:, :3]
     paths["alpha"] = face_alpha(mesh)
-    ends = mesh.open + (mesh.close - mesh.open) * (np.arange(segments + 1) / segments)
+    ends = mesh.knots if mesh.segments else mesh.knots[[0, -1]]
     paths["open"], paths["close"] = ends[:-1, None], ends[1:, None]
     return paths.ravel()
 
@@ -229,7 +229,7 @@ def _camera_table(
     for mesh in exposure.meshes:
         mirror = _shearing(exposure, mesh)
         asked[id(mesh.poses), mesh.world if mirror else 0] = mesh.poses, mirror
-    tables = [_camera_records(exposure, exposure.cameras[0], width, height)]
+    tables = [_camera_records(exposure, exposure.path.opening, width, height)]
     index, count = {}, 1
     for key, (poses, mirror) in asked.items():
         index[key] = count
@@ -252,17 +252,14 @@ def _camera_records(
     table["sharp_near"], table["sharp_far"] = camera.sharp_range or (poses.focus, poses.focus)
     blur = camera.foreground_blur
     table["foreground"] = np.inf if blur is None else blur * height
-    for row, eye, rotation, focal in zip(
-        table, poses.eye, poses.rotation, poses.focal * height, strict=True
-    ):
-        to_pixels = np.array([[focal, 0, -width / 2], [0, -focal, -height / 2], [0, 0, -1.0]])
-        row["eye"] = eye
-        row["matrix"] = (to_pixels @ rotation).ravel()
-        inverse = rotation.T @ np.linalg.inv(to_pixels)
-        row["inverse"] = inverse.ravel()
+    to_pixels = pixel_matrix(width, height)
+    for row, eye, view in zip(table, poses.eye, poses.view, strict=True):
+        matrix = to_pixels @ view
+        inverse = np.linalg.inv(matrix)
+        row["eye"], row["matrix"], row["inverse"] = eye, matrix.ravel(), inverse.ravel()
         if mirror is not None:
             row["plane"] = *(mirror.normal @ inverse), mirror.heights(eye)
-            row["tilt"] = (to_pixels @ rotation @ mirror.tangents.T).T.ravel()
+            row["tilt"] = (matrix @ mirror.tangents.T).T.ravel()
     return table
 
 

@@ -80,19 +80,19 @@ def _motion(
     lists = f"{resting} {kinds} triangles do not move"
     lists += ", but go through the same lists" if resting else ""
     kind = f"paths={settings.paths!r}" if moving else "nothing moves"
-    camera = "the camera moves: every mesh has motion paths" if exposure.camera_moves else (
+    camera = "the camera moves: every mesh has motion paths" if exposure.path.moves else (
         "the camera stays"
     )  # fmt: skip
     return (
         Effect("motion", paths > 0, f"{paths} motion paths{many}", "MOVING"),
         Effect("transparency at rest", resting > 0, lists, "MOVING"),
         Effect("exact in time", settings.paths == "exact" or not moving, kind, "EXACT", ANALYTIC),
-        Effect("camera motion", exposure.camera_moves, camera),
+        Effect("camera motion", exposure.path.moves, camera),
     )
 
 
 def _samples(exposure: Exposure, settings: Settings) -> tuple[Effect, ...]:
-    lens = any(np.any(poses.aperture > 0.0) for poses in exposure.cameras.values())
+    lens = bool(np.any(exposure.path.lens > 0.0))
     stop = "the camera has an f_stop" if lens else "the camera is a pinhole"
     pattern = pattern_of(settings)
     scattered = pattern == "sobol"

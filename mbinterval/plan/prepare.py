@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import Exposure, expose
 from mbinterval.layout import ids
 from mbinterval.layout.flow import add_flow, flow_notes
@@ -71,10 +72,14 @@ def prepare(
         scene,
         frame,
         width / height,
-        settings.motion_segments,
-        roll_lines(scene, width, height) if lines is None else lines,
-        settings.motion_error,
-        height,
+        Asked(
+            segments=settings.motion_segments,
+            error=settings.motion_error,
+            most=settings.most_segments,
+            moment=settings.aov_time,
+        ),
+        lines=roll_lines(scene, width, height) if lines is None else lines,
+        height=height,
     )
     check_paths(exposure, settings.method, room)
     motion = lay_out(exposure, width, height)

@@ -285,7 +285,7 @@ def sky_records(sky: tuple[Turning, ...], width: int, height: int) -> NDArray[np
         blur = poses.aperture * poses.focal * height / poses.focus
         count = len(rays) - 1
         rows = np.zeros(count, records.SKY)
-        ends = turning.stretch.ends(count)
+        ends = turning.knots
         rows["open"], rows["close"] = ends[:-1], ends[1:]
         rows["start"], rows["end"] = rays[:-1], rays[1:]
         rows["blur_start"], rows["blur_end"] = blur[:-1], blur[1:]

@@ -80,7 +80,7 @@ def _shutter(exposure: Exposure, fps: float) -> str:
 
 
 def _lens(exposure: Exposure) -> str:
-    poses, camera = exposure.cameras[0], exposure.camera
+    poses, camera = exposure.path.opening, exposure.camera
     if not poses.aperture[0] > 0.0:
         return "a pinhole"
     text = f"{2.0 * poses.aperture[0]:.4g} wide, in focus at {poses.focus[0]:g}"

@@ -30,7 +30,7 @@ def frame_metadata(
     where they are asked for, of a rolling shutter ``expTime`` is a line's; ``aperture``, the
     f-number, and ``focus`` of a lens; ``settings.*``; ``software``.
     """
-    shutter, poses = scene.shutter, exposure.cameras[1]
+    shutter, (poses, closing) = scene.shutter, exposure.path.ends
     metadata: dict[str, AttributeValue] = {
         "software": SOFTWARE,
         "frame": float(exposure.frame),
@@ -39,7 +39,7 @@ def frame_metadata(
         "shutterClose": float(shutter.close),
         "expTime": (shutter.close - shutter.open) / scene.fps,
         "fieldOfView": float(np.degrees(2.0 * np.arctan(0.5 / poses.focal[0]))),
-        "worldToCamera": _world_to_camera(poses, 0),
+        "worldToCamera": _world_to_camera(poses),
     }
     if shutter.curve != "box":
         metadata["shutterCurve"] = (
@@ -54,8 +54,8 @@ def frame_metadata(
         keyed = f_stop.at(exposure.frame) if isinstance(f_stop, Track) else f_stop
         metadata["aperture"] = float(keyed)
         metadata["focus"] = float(poses.focus[0])
-    if poses.moves:
-        metadata["worldToCameraClose"] = _world_to_camera(poses, len(poses.eye) - 1)
+    if exposure.path.moves:
+        metadata["worldToCameraClose"] = _world_to_camera(closing)
     if scene.name:
         metadata["scene"] = scene.name
     if scene.camera is not None and scene.camera.name:
@@ -66,11 +66,10 @@ def frame_metadata(
     return metadata
 
 
-def _world_to_camera(poses: CameraPoses, index: int) -> tuple[float, ...]:
+def _world_to_camera(poses: CameraPoses) -> tuple[float, ...]:
     """4x4 matrix M, row by row, such that ``[x y z 1] @ M`` is a point in camera space."""
-    index = min(index, len(poses.eye) - 1)
-    rotation = poses.rotation[min(index, len(poses.rotation) - 1)]
+    rotation = poses.rotation[0]
     matrix = np.eye(4)
     matrix[:3, :3] = rotation.T
-    matrix[3, :3] = -poses.eye[index] @ rotation.T
+    matrix[3, :3] = -poses.eye[0] @ rotation.T
     return tuple(matrix.ravel().tolist())

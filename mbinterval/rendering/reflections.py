@@ -24,7 +24,8 @@ from mbinterval.plan.plan import roll_lines
 from mbinterval.plan.prepare import Prepared, prepare
 from mbinterval.rendering.cube_maps import CubeMaps, gather, sky_records
 from mbinterval.scene.model import Camera, Reflections, Scene, Shutter
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 if TYPE_CHECKING:
     from mbinterval.rendering.shared_steps import Pixels
@@ -137,7 +138,7 @@ def _part_of_curve(shutter: Shutter, part: int, times: int) -> str | tuple[float
 
 def _middle(meshes: Sequence[MeshExposure], window: Window) -> tuple[Float64, Float64]:
     """Middle of the bounds of ``meshes`` over the shutter: frames ``(T,)``, places ``(T, 3)``."""
-    times = np.linspace(0.0, 1.0, 1 + max(1, *(mesh.segments for mesh in meshes)))
+    times = np.unique(np.concatenate([mesh.knots for mesh in meshes] + [[0.0, 1.0]]))
     lows, highs = [], []
     for index in {mesh.index: None for mesh in meshes}:
         at: list[float] = []
@@ -145,7 +146,7 @@ def _middle(meshes: Sequence[MeshExposure], window: Window) -> tuple[Float64, Fl
         high: list[Float64] = []
         for mesh in (mesh for mesh in meshes if mesh.index == index):
             count = len(mesh.positions)
-            at += np.linspace(mesh.open, mesh.close, count).tolist() if count > 1 else [mesh.open]
+            at += mesh.knots.tolist() if count > 1 else [mesh.open]
             low += list(mesh.positions.min(axis=1))
             high += list(mesh.positions.max(axis=1))
         lows.append([np.interp(times, at, axis) for axis in np.transpose(low)])

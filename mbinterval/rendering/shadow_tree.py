@@ -37,7 +37,7 @@ _SLACK = 1e-5
 def prepare_rays(work: Work, motion: Motion) -> None:
     """Make the buffers that samples' rays need, and shadow maps where the plan has them."""
     exposure, settings = work.exposure, work.plan.settings
-    origin = np.asarray(exposure.cameras[0].eye[0])
+    origin = np.asarray(exposure.path.opening.eye[0])
     places = world_positions(motion, origin)
     casters = casters_of(motion)
     nodes, leaves = tree_of(motion.paths[casters], places)

@@ -132,7 +132,7 @@ def prepare_shadows(work: Work, motion: Motion) -> None:
     sees the scene, ``light_starts``, ``light_members`` and ``outlines`` what it sees.
     """
     exposure = work.exposure
-    origin = np.asarray(exposure.cameras[0].eye[0])
+    origin = np.asarray(exposure.path.opening.eye[0])
     places = world_positions(motion, origin)
     lights = [exposure.lights[index] for index in casting(exposure, work.plan.settings)]
     seen = [views_of(light, origin, places) if len(places) else [] for light in lights]

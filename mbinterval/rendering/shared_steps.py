@@ -103,7 +103,7 @@ def start_work(runtime: Runtime, ready: Prepared) -> Work:
     shape = filter_of(plan.settings)
     # Lights are placed relative to the eye, so that they are as exact far from the origin.
     casters = casting(exposure, plan.settings) if shadow_count(plan) else ()
-    eye = exposure.cameras[0].eye[0]
+    eye = exposure.path.opening.eye[0]
     mirrored = [mirror.light(light) for mirror in exposure.mirrors for light in exposure.lights]
     looks = appearance(motion.materials, (*exposure.lights, *mirrored), eye, casters)
     own = looks.lights["shadow"][: len(exposure.lights)]

@@ -12,7 +12,8 @@ from mbinterval.errors import SceneError
 from mbinterval.scene import field_values
 from mbinterval.scene.field_values import Vector, freeze
 from mbinterval.scene.frozen import Frozen, check_portable
-from mbinterval.scene.tracks import Placement, Track, check_place, keyed
+from mbinterval.scene.tracks import Track, keyed
+from mbinterval.scene.transforms import Placement, check_place
 
 Float64 = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ class Shutter(Frozen):
     Attributes
     ----------
     open, close
-        In frames relative to the frame.
+        In frames relative to the frame; where they are equal, all is seen at that instant.
     curve
         How far it is open over that time: ``"box"`` throughout; ``"triangle"``; ``"trapezoid"``,
         which takes the fraction ``opening`` of the time to open and ``closing`` to close; or a
@@ -58,16 +59,16 @@ class Shutter(Frozen):
         Its ``"centre"``, ``"start"`` or ``"end"`` is on the frame. ``fields`` are the other ones.
         """
         field_values.choice(place, PLACES, "shutter: place")
-        length = field_values.number(angle, "shutter: angle", above=0.0) / 360.0
+        length = field_values.number(angle, "shutter: angle", 0.0) / 360.0
         start = {"centre": -0.5 * length, "start": 0.0, "end": -length}[place]
         return cls(open=start, close=start + length, **fields)
 
     def __post_init__(self) -> None:
         opens = field_values.number(self.open, "shutter: open")
         closes = field_values.number(self.close, "shutter: close")
-        if opens >= closes:
+        if opens > closes:
             raise SceneError(
-                f"shutter: open={opens:g}, close={closes:g}; expected open < close, "
+                f"shutter: open={opens:g}, close={closes:g}; expected open <= close, "
                 "in frames relative to the frame"
             )
         freeze(

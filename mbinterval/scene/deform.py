@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.frozen import Frozen
-from mbinterval.scene.tracks import Transform, matrices_at
+from mbinterval.scene.transforms import Link, Transform, chain_matrices
 
 Float64 = NDArray[np.float64]
 Index = NDArray[np.integer[Any]] | slice
@@ -55,7 +55,14 @@ class Weights(Protocol):
 
 
 class Joints(Protocol):
-    """Joints of a skeleton over time."""
+    """Joints of a skeleton over time, in the space that the mesh's transform maps to the world."""
+
+    @property
+    def inverse_bind(self) -> Float64:
+        """``(J, 4, 4)`` that take vertices from the bind pose to the space of each joint."""
+
+    def chains(self) -> list[list[Link]]:
+        """The chain of each joint."""
 
     def at(self, frame: float) -> Float64:
         """``(J, 4, 4)`` that take vertices from the bind pose to their place at ``frame``."""
@@ -72,9 +79,13 @@ class NodeJoints(Frozen):
     nodes: Sequence[Transform]
     inverse_bind: Float64
 
+    def chains(self) -> list[list[Link]]:
+        """See `Joints`."""
+        return [node.links() for node in self.nodes]
+
     def at(self, frame: float) -> Float64:
         """See `Joints`."""
-        return matrices_at(self.nodes, frame) @ self.inverse_bind
+        return chain_matrices(self.chains(), np.array([frame]), frame)[0] @ self.inverse_bind
 
     @property
     def jumps(self) -> list[float]:
@@ -109,9 +120,18 @@ class Skin(Frozen):
         object.__setattr__(self, "weights", (weights / total)[:, used])
         object.__setattr__(self, "indices", np.asarray(self.indices, np.int64)[:, used])
 
-    def blended(self, frame: float, which: Index = ALL) -> Float64:
-        """``(n, 3, 4)``: what takes each vertex from the bind pose to its place at ``frame``."""
-        matrices = self.joints.at(frame)[:, :3].reshape(-1, 12)
+    def moved(self, points: Float64, joints: Float64, which: Index = ALL) -> Float64:
+        """``points`` ``(n, 3)`` of the bind pose, moved by ``joints`` ``(J, 4, 4)``."""
+        blended = self._blended(joints, which)
+        return _transformed(blended[:, :, :3], points) + blended[:, :, 3]
+
+    def turned(self, normals: Float64, joints: Float64) -> Float64:
+        """``normals`` ``(N, 3)`` of the bind pose, by cofactors, right for every matrix."""
+        return _transformed(cofactors(self._blended(joints)[:, :, :3]), normals)
+
+    def _blended(self, joints: Float64, which: Index = ALL) -> Float64:
+        """``(n, 3, 4)``: what takes each vertex from the bind pose to its place."""
+        matrices = joints[:, :3].reshape(-1, 12)
         indices, weights = self.indices[which], self.weights[which]
         mean = weights[:, :1] * matrices[indices[:, 0]]
         for column in range(1, weights.shape[1]):
@@ -166,31 +186,39 @@ class MorphedSkin(Frozen):
 
     def positions(self, frame: float, which: Index = ALL, base: float | None = None) -> Float64:
         """See `Deformer`."""
+        points = self.shape(frame, which)
+        return points if self.skin is None else self.skin.moved(points, self._joints(frame), which)
+
+    def shape(self, frame: float, which: Index = ALL) -> Float64:
+        """Positions ``(n, 3)`` before the skin moves them: morphed."""
         points = self.rest[which]
         if self.morph is not None:
             points = self.morph.added(points, self.morph.positions, frame, which)
-        if self.skin is None:
-            return points
-        blended = self.skin.blended(frame, which)
-        return _transformed(blended[:, :, :3], points) + blended[:, :, 3]
+        return points
 
     def normals(self, frame: float) -> Float64 | None:
-        """See `Deformer`; by cofactors, which are right for every matrix."""
-        normals = self.rest_normals
-        if normals is None:
-            return None
-        if self.morph is not None and self.morph.normals is not None:
-            normals = self.morph.added(normals, self.morph.normals, frame)
-        if self.skin is None:
+        """See `Deformer`."""
+        normals = self.shape_normals(frame)
+        if normals is None or self.skin is None:
             return normals
-        turned = _transformed(cofactors(self.skin.blended(frame)[:, :, :3]), normals)
+        turned = self.skin.turned(normals, self._joints(frame))
         return -turned if self.mirrors(frame) else turned
+
+    def shape_normals(self, frame: float) -> Float64 | None:
+        """Normals ``(N, 3)`` before the skin turns them: morphed."""
+        normals = self.rest_normals
+        if normals is not None and self.morph is not None and self.morph.normals is not None:
+            normals = self.morph.added(normals, self.morph.normals, frame)
+        return normals
 
     def mirrors(self, frame: float) -> bool:
         """See `Deformer`; the first joint decides."""
         if self.skin is None:
             return False
-        return bool(np.linalg.det(self.skin.joints.at(frame)[0, :3, :3]) < 0.0)
+        return bool(np.linalg.det(self._joints(frame)[0, :3, :3]) < 0.0)
+
+    def _joints(self, frame: float) -> Float64:
+        return self.skin.joints.at(frame) if self.skin is not None else np.zeros((0, 4, 4))
 
     @property
     def jumps(self) -> list[float]:

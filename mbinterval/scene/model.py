@@ -24,7 +24,8 @@ from mbinterval.scene.environment import Environment, Reflections
 from mbinterval.scene.field_values import Vector, freeze
 from mbinterval.scene.frozen import Frozen, check_portable
 from mbinterval.scene.mesh_arrays import check_attribute, check_color, check_faces, check_positions
-from mbinterval.scene.tracks import Placement, Track, check_place
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Placement, check_place
 
 __all__ = [
     "Camera",

@@ -1,13 +1,12 @@
-"""Keyed values and transforms, evaluated at any frame.
+"""Keyed values, evaluated at any frame.
 
 Before the first key and after the last one a track holds their values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from mbinterval.errors import SceneError
 from mbinterval.scene import field_values
 from mbinterval.scene.frozen import Frozen
+from mbinterval.scene.rotations import EULER_ORDERS, arc, euler_matrix, quaternion_matrix, slerp
 from mbinterval.values import shown
 
 Float64 = NDArray[np.float64]
@@ -33,18 +33,23 @@ class Track(Frozen):
     values
         ``(n,)`` or ``(n, d)``; for ``"cubic"`` ``(n, 3, d)``: at each key the tangent before it,
         the value, and the tangent after it, tangents per frame. Quaternions are x, y, z, w, as in
-        glTF.
+        glTF; Euler angles degrees.
     interpolation
         ``"linear"``, ``"step"`` (the value of the latest key) or ``"cubic"`` (Hermite, as glTF's
         CUBICSPLINE).
     quaternion
         Interpolate by slerp along the shorter arc; a cubic is normalized instead.
+    euler
+        Values are Euler angles, turns about the fixed axes x, y and z in this order, the first
+        letter first (``"xyz"`` is USD's ``rotateXYZ``); each angle goes its own way between keys.
+        ``""`` for all other values.
     """
 
     frames: Float64
     values: Float64
     interpolation: str = "linear"
     quaternion: bool = False
+    euler: str = ""
 
     def __post_init__(self) -> None:
         frames = field_values.numbers(self.frames, np.float64, "track: frames")
@@ -67,6 +72,23 @@ class Track(Frozen):
         if field_values.flag(self.quaternion, "track: quaternion"):
             values = _unit_keys(values, cubic)
         field_values.freeze(self, frames=frames, values=values, interpolation=interpolation)
+        if self.euler != "":
+            self._check_euler()
+
+    def _check_euler(self) -> None:
+        field_values.choice(self.euler, EULER_ORDERS, "track: euler")
+        if self.quaternion or self.shape != (3,):
+            raise SceneError(
+                f"track: euler keys have values of shape {self.shape}"
+                f"{', and are quaternions' if self.quaternion else ''}; expected three angles"
+            )
+        turns = np.abs(np.diff(self._at_keys, axis=0)).max(axis=1, initial=0.0)
+        if turns.size and turns.max() > _MOST_TURN:
+            key = int(np.argmax(turns)) + 1
+            raise SceneError(
+                f"transform: euler turns by {turns.max():g} degrees up to the key at frame "
+                f"{self.frames[key]:g}; at most {_MOST_TURN:g} may lie between keys"
+            )
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -81,24 +103,41 @@ class Track(Frozen):
         changed = np.diff(self.values.reshape(len(self.values), -1), axis=0).any(axis=1)
         return [float(frame) for frame in self.frames[1:][changed]]
 
-    def at(self, frame: float) -> Float64:
-        """Value at ``frame``, shape ``(d,)`` or ``()``."""
-        cubic = self.interpolation == "cubic"
-        at_keys = self.values[:, 1] if cubic else self.values
-        key = max(int(np.searchsorted(self.frames, frame, side="right")) - 1, 0)
-        ends = frame <= self.frames[0] or key == len(self.frames) - 1
-        if ends or self.interpolation == "step":
-            return np.asarray(at_keys[key])
-        step = self.frames[key + 1] - self.frames[key]
-        part = (frame - self.frames[key]) / step
-        if cubic:
-            return self._hermite(key, step, part)
-        if self.quaternion:
-            return slerp(self.values[key], self.values[key + 1], part)
-        return np.asarray((1.0 - part) * self.values[key] + part * self.values[key + 1])
+    @property
+    def source(self) -> tuple[Any, ...]:
+        """What tells it from others that give other values at some time."""
+        arrays = (self.frames.tobytes(), self.values.tobytes())
+        return (*arrays, self.values.shape, self.interpolation, self.quaternion, self.euler)
 
-    def _hermite(self, key: int, step: float, part: float) -> Float64:
-        (_, start, leaving), (arriving, end, _) = self.values[key], self.values[key + 1]
+    @property
+    def _at_keys(self) -> Float64:
+        return self.values[:, 1] if self.interpolation == "cubic" else self.values
+
+    def at(self, frames: Float64 | float) -> Float64:
+        """Values at ``frames`` (T,): ``(T, d)`` or ``(T,)``; at one frame ``(d,)`` or ``()``."""
+        frames = np.asarray(frames, np.float64)
+        at_keys = self._at_keys
+        key = np.clip(np.searchsorted(self.frames, frames, side="right") - 1, 0, None)
+        if self.interpolation == "step" or len(self.frames) == 1:
+            return np.asarray(at_keys[key])
+        key = np.minimum(key, len(self.frames) - 2)
+        step = self.frames[key + 1] - self.frames[key]
+        part = np.clip((frames - self.frames[key]) / step, 0.0, 1.0)
+        if self.interpolation == "linear" and self.quaternion:
+            found = slerp(at_keys[key], at_keys[key + 1], part)
+        else:
+            wide = (part[..., None], step[..., None]) if self.shape else (part, step)
+            found = self._between(key, *wide)
+        # What is at a key is that key's value to the last bit.
+        exact = (part == 0.0) | (part == 1.0)
+        near = at_keys[np.where(part == 1.0, key + 1, key)]
+        return np.asarray(np.where(exact[..., None] if self.shape else exact, near, found))
+
+    def _between(self, key: Any, part: Float64, step: Float64) -> Float64:
+        if self.interpolation == "linear":
+            return np.asarray((1.0 - part) * self.values[key] + part * self.values[key + 1])
+        start, leaving = self.values[key, 1], self.values[key, 2]
+        arriving, end = self.values[key + 1, 0], self.values[key + 1, 1]
         rest = 1.0 - part
         value = (
             (1.0 + 2.0 * part) * rest**2 * start
@@ -106,7 +145,56 @@ class Track(Frozen):
             + (3.0 - 2.0 * part) * part**2 * end
             - part**2 * rest * step * arriving
         )
-        return np.asarray(value / np.linalg.norm(value) if self.quaternion else value)
+        if self.quaternion:
+            value = value / np.linalg.norm(value, axis=-1, keepdims=True)
+        return np.asarray(value)
+
+    def rotations(self, frames: Float64) -> Float64:
+        """Rotations ``(T, 3, 3)`` at ``frames`` (T,), of a track of quaternions or Euler angles."""
+        values = self.at(frames)
+        return euler_matrix(values, self.euler) if self.euler else quaternion_matrix(values)
+
+    def keys(self, first: float, last: float) -> Float64:
+        """Frames of the keys from ``first`` to ``last``."""
+        return self.frames[(self.frames >= first) & (self.frames <= last)]
+
+    def samples(self, first: float, last: float) -> Float64:
+        """Frames from ``first`` to ``last``, with the keys there, that tell its motion between.
+
+        From one to the next it is linear, or smooth and turns by no more than `_FINE` radians.
+        """
+        frames = self.frames
+        low = max(int(np.searchsorted(frames, first, side="right")) - 1, 0)
+        high = min(int(np.searchsorted(frames, last)), len(frames) - 1)
+        parts = [frames[low : high + 1]]
+        if self.interpolation != "step":
+            for key in range(low, high):
+                count = self._pieces(key)
+                ends = frames[key : key + 2]
+                parts.append(ends[0] + (ends[1] - ends[0]) * (np.arange(1, count) / count))
+        found = np.unique(np.concatenate(parts))
+        return found[(found >= first) & (found <= last)]
+
+    def _pieces(self, key: int) -> int:
+        """Into how many equal parts the motion from ``key`` to the next one is to be cut."""
+        start, end = self._at_keys[key], self._at_keys[key + 1]
+        if self.interpolation == "cubic":
+            return _CUBIC_PIECES
+        if self.quaternion:
+            turn = 2.0 * min(arc(start, end), arc(start, -end))
+        elif self.euler:
+            turn = float(np.radians(np.abs(end - start).sum()))
+        else:
+            turn = 0.0
+        return 1 if turn == 0.0 else max(2, int(np.ceil(min(turn / _FINE, _MOST_PIECES))))
+
+
+_FINE = np.pi / 16
+_CUBIC_PIECES = 8
+_MOST_PIECES = 4096
+"""More are never looked at between two keys: whoever turns so fast is past any number of knots."""
+_MOST_TURN = 3.6e7
+"""Degrees between two Euler keys: a hundred thousand turns."""
 
 
 def _unit_keys(values: Float64, cubic: bool) -> Float64:
@@ -115,142 +203,6 @@ def _unit_keys(values: Float64, cubic: bool) -> Float64:
     if at_keys.shape[1:] != (4,) or not np.linalg.norm(at_keys, axis=-1).all():
         raise SceneError("track: rotation keys must be non-zero quaternions x, y, z, w")
     return values if cubic else values / np.linalg.norm(values, axis=-1, keepdims=True)
-
-
-@runtime_checkable
-class Placement(Protocol):
-    """A place in the world over time; `Transform` is one."""
-
-    @property
-    def animated(self) -> bool:
-        """Whether it may differ between frames."""
-
-    @property
-    def jumps(self) -> list[float]:
-        """Frames at which it may jump."""
-
-    def at(self, frame: float, base: float | None = None) -> Float64:
-        """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns.
-
-        ``base`` is the exposure's frame, from which velocities lead on; None is ``frame``.
-        """
-
-
-@dataclass(frozen=True, eq=False)
-class Transform(Frozen):
-    """A node of a hierarchy: parent * translation * rotation * scale * matrix.
-
-    Each of translation, rotation and scale is constant or a ``Track``; ``matrix`` is a constant
-    4x4 that applies first. Rotations are quaternions x, y, z, w.
-    """
-
-    translation: Track | tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rotation: Track | tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
-    scale: Track | tuple[float, float, float] = (1.0, 1.0, 1.0)
-    matrix: Float64 | None = None
-    parent: Transform | None = None
-
-    def __post_init__(self) -> None:
-        for name, count, expected in (
-            ("translation", 3, "three finite numbers"),
-            ("rotation", 4, "four finite numbers, a quaternion x, y, z, w"),
-            ("scale", 3, "three finite numbers"),
-        ):
-            value, what = getattr(self, name), f"transform: {name}"
-            if keyed(value, (count,), what) is None:
-                field_values.freeze(self, **{name: field_values.row(value, count, what, expected)})
-        if isinstance(self.rotation, Track):
-            if not self.rotation.quaternion:
-                raise SceneError("transform: rotation is keyed without Track(quaternion=True)")
-        elif not any(self.rotation):
-            raise SceneError("transform: rotation is a quaternion of length 0; give x, y, z, w")
-        if self.matrix is not None:
-            field_values.freeze(self, matrix=_affine(self.matrix))
-        if self.parent is not None:
-            field_values.check_kind(self.parent, Transform, "transform: parent")
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Pickle would go up to the root node by node, deeper than Python's stack: so, of every
-        # thirty-second node, every thirty-second ancestor comes first, from the root on.
-        above = self._chain()[:-1]
-        stones = above[::_STRIDE] if len(above) % _STRIDE == 0 else []
-        return _restored, (stones, vars(self))
-
-    def _chain(self) -> list[Transform]:
-        """Its ancestors, the root first, and itself."""
-        chain: list[Transform] = []
-        node: Transform | None = self
-        while node is not None:
-            chain.append(node)
-            node = node.parent
-        return chain[::-1]
-
-    @property
-    def fingerprint(self) -> list[Any]:
-        """What tells it from others by contents, without its ancestors' records in one another."""
-        return [(n.translation, n.rotation, n.scale, n.matrix) for n in self._chain()]
-
-    @property
-    def tracks(self) -> list[Track]:
-        """Every track of this node and of its ancestors."""
-        found: list[Track] = []
-        for node in reversed(self._chain()):
-            values = (node.translation, node.rotation, node.scale)
-            found += [value for value in values if isinstance(value, Track)]
-        return found
-
-    @property
-    def animated(self) -> bool:
-        """Whether anything is keyed."""
-        return bool(self.tracks)
-
-    @property
-    def jumps(self) -> list[float]:
-        """Frames at which the transform may jump."""
-        return [frame for track in self.tracks for frame in track.jumps]
-
-    def at(self, frame: float, base: float | None = None) -> Float64:
-        """The ``(4, 4)`` matrix that maps to world space at ``frame``; it acts on columns."""
-        world = self._local(frame)
-        node = self.parent
-        with np.errstate(over="ignore", invalid="ignore"):  # who asks looks at the result
-            while node is not None:  # a loop, since files may nest deeper than Python's stack
-                world = node._local(frame) @ world
-                node = node.parent
-        return world
-
-    def _local(self, frame: float) -> Float64:
-        local = np.eye(4)
-        local[:3, :3] = quaternion_matrix(value_at(self.rotation, frame)) * value_at(
-            self.scale, frame
-        )
-        local[:3, 3] = value_at(self.translation, frame)
-        return local if self.matrix is None else local @ self.matrix
-
-
-_STRIDE = 32
-
-
-def _restored(_stones: list[Transform], state: dict[str, Any]) -> Transform:
-    made = Transform.__new__(Transform)
-    made.__setstate__(state)
-    return made
-
-
-def matrices_at(nodes: Sequence[Transform], frame: float) -> Float64:
-    """World matrices ``(n, 4, 4)`` of ``nodes`` at ``frame``, shared ancestors evaluated once."""
-    known: dict[int, Float64] = {}
-    for node in nodes:
-        chain = []
-        step: Transform | None = node
-        while step is not None and id(step) not in known:
-            chain.append(step)
-            step = step.parent
-        with np.errstate(over="ignore", invalid="ignore"):  # who asks looks at the result
-            for item in reversed(chain):
-                local = item._local(frame)
-                known[id(item)] = local if item.parent is None else known[id(item.parent)] @ local
-    return np.array([known[id(node)] for node in nodes]).reshape(-1, 4, 4)
 
 
 def keyed(value: Any, shape: tuple[int, ...], what: str) -> Track | None:
@@ -263,58 +215,6 @@ def keyed(value: Any, shape: tuple[int, ...], what: str) -> Track | None:
     return value
 
 
-def check_place(value: Any, what: str) -> None:
-    """Refuse what is no place in the world over time."""
-    if not isinstance(value, Placement):
-        raise field_values.refuse(value, what, "a Transform")
-
-
-def _affine(value: Any) -> Float64:
-    matrix = field_values.numbers(value, np.float64, "transform: matrix")
-    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise field_values.refuse(value, "transform: matrix", "4 x 4 finite numbers")
-    field_values.check_finite(matrix, "transform: matrix", "row")
-    if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), rtol=0.0, atol=1e-6):
-        raise SceneError(
-            f"transform: the last row of matrix is {matrix[3].tolist()}, expected [0, 0, 0, 1]; it "
-            "acts on columns: transpose one that acts on rows"
-        )
-    return matrix
-
-
-def value_at(value: Any, frame: float) -> Float64:
-    """Return a value at ``frame``: a track's, or the one that is always there, as an array."""
-    return value.at(frame) if isinstance(value, Track) else np.asarray(value, dtype=np.float64)
-
-
-# The core has no SciPy for rotations; trimesh, which has some, takes 0.6 s to load.
-def slerp(a: Float64, b: Float64, part: float) -> Float64:
-    """Spherical interpolation of unit quaternions along the shorter arc (Shoemake 1985)."""
-    dot = float(a @ b)
-    if dot < 0.0:
-        b, dot = -b, -dot
-    # atan2 of half chords keeps nearly equal and nearly opposite rotations accurate.
-    angle = 2.0 * np.arctan2(np.linalg.norm(a - b), np.linalg.norm(a + b))
-    if angle < 1e-9:
-        result = (1.0 - part) * a + part * b
-    else:
-        result = (np.sin((1.0 - part) * angle) * a + np.sin(part * angle) * b) / np.sin(angle)
-    return np.asarray(result / np.linalg.norm(result))
-
-
-def quaternion_matrix(quaternion: Float64) -> Float64:
-    """``(3, 3)`` rotation of a quaternion x, y, z, w of any non-zero length."""
-    x, y, z, w = np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def quaternion_product(a: Float64, b: Float64) -> Float64:
-    """Quaternion x, y, z, w of the rotation ``b`` followed by ``a``."""
-    vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
-    return np.append(vector, a[3] * b[3] - a[:3] @ b[:3])
+def value_at(value: Any, frames: Float64 | float) -> Float64:
+    """Return values at ``frames``: a track's, or the one that is always there, as an array."""
+    return value.at(frames) if isinstance(value, Track) else np.asarray(value, dtype=np.float64)

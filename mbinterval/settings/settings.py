@@ -88,11 +88,14 @@ class Settings:
         16; their mip level is that of the shorter side. 0 leaves this out: what rests is looked up
         at the finest level, and what moves at that of its motion.
     motion_segments
-        Linear motion segments per shutter for each mesh that does not state its own; None gives
-        each as many as ``motion_error`` asks for, up to 128.
+        Equal linear motion segments per shutter, for each mesh that does not state its own and for
+        the camera; None gives each source of motion as many as ``motion_error`` asks for.
     motion_error
-        How far from their true place, in pixels, the linear motion of segments may take points
-        of a mesh; without effect where ``motion_segments`` are given.
+        How far from their true place, in pixels, the linear motion of segments may take what is
+        seen; without effect where ``motion_segments`` are given.
+    most_segments
+        Motion segments that one source of motion gets at most. Where that leaves a greater error,
+        the film's notes say so.
     shadows
         ``"lights"``: those lights cast shadows that say so. ``"all"``: all but ambient ones do.
         ``"off"``: none does.
@@ -235,6 +238,11 @@ class Settings:
         0.1,
         "greatest path error of chosen motion segments, in pixels",
         real(above=0.0),
+    )
+    most_segments: int = setting(
+        128,
+        "motion segments that one source of motion gets at most",
+        whole(1, 4096),
     )
     shadows: str = setting(
         "lights",

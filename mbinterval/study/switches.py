@@ -10,7 +10,8 @@ import numpy as np
 
 from mbinterval.rendering.cube_maps import irradiance
 from mbinterval.scene.model import Camera, Environment, Light, Material, Scene, Shutter, Vector
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 
 def at_middle(values: Any) -> Any:

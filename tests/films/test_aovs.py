@@ -14,7 +14,8 @@ import mbinterval as mb
 from mbinterval.errors import UsageError
 from mbinterval.film.aovs import AOVS, MOMENTARY, check_aovs
 from mbinterval.scene.model import Camera, Material, Mesh, Scene, Shutter
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 SIZE = (32, 16)
 X, Y = np.meshgrid(np.arange(32) + 0.5, np.arange(16) + 0.5)

@@ -23,7 +23,8 @@ from mbinterval.film.aovs import AOVS, FLOWS, MOMENTARY
 from mbinterval.film.film import Film
 from mbinterval.rendering.shared_steps import Work
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 SIZE = (48, 32)
 SEGMENTS = 2

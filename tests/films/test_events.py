@@ -17,7 +17,8 @@ from support.oclgrind_scenes import colorful, seen_through
 import mbinterval as mb
 from mbinterval.errors import OutputError, UsageError
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 SIZE = (32, 16)
 X = np.arange(32) + 0.5

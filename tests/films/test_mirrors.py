@@ -14,7 +14,8 @@ import mbinterval as mb
 from mbinterval.exposure.exposure import expose
 from mbinterval.exposure.mirrors import find_mirrors
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Texture
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 SIZE = (32, 24)
 TIMES = 240

@@ -15,7 +15,8 @@ from mbinterval.rendering.renderer import render
 from mbinterval.scene.formats.load import load
 from mbinterval.scene.formats.toml.build import euler_track
 from mbinterval.scene.model import Camera, Mesh, Scene, Shutter
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 from mbinterval.settings.settings import Settings
 
 WIDTH, HEIGHT = 640, 480

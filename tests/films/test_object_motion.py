@@ -11,7 +11,8 @@ from mbinterval.errors import SceneError
 from mbinterval.exposure.exposure import expose
 from mbinterval.scene.formats.load import load
 from mbinterval.scene.model import Camera, Mesh, Scene, Shutter
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 FACES = [[0, 1, 2]]

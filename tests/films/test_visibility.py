@@ -11,7 +11,8 @@ from mbinterval.exposure.exposure import expose
 from mbinterval.rendering.renderer import render
 from mbinterval.scene.formats.load import load
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 from mbinterval.settings.settings import Settings
 
 WIDTH, HEIGHT = 48, 32

@@ -17,7 +17,7 @@ from mbinterval.exposure.shutter_times import Window
 from mbinterval.scene.formats.gltf.gltf import read_gltf
 from mbinterval.scene.formats.load import load
 from mbinterval.scene.model import Scene, Shutter
-from mbinterval.scene.tracks import Transform
+from mbinterval.scene.transforms import Transform
 
 FOX = Path(__file__).parents[2] / "scenes" / "assets" / "Fox.glb"
 HALF = np.sqrt(0.5)

@@ -8,7 +8,8 @@ import pytest
 from mbinterval.errors import SceneError
 from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 FACES = np.array([[0, 1, 2]])

@@ -7,7 +7,9 @@ import pytest
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.formats.load import load
-from mbinterval.scene.tracks import Track, Transform, quaternion_matrix, quaternion_product, slerp
+from mbinterval.scene.rotations import quaternion_matrix, quaternion_product, slerp
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 
 def about(axis, degrees):

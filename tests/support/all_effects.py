@@ -9,7 +9,8 @@ import numpy as np
 import mbinterval as mb
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 from mbinterval.scene.primitives import sphere
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 from support.environments import environment, smooth
 
 SIZE = (24, 18)

@@ -9,7 +9,8 @@ import numpy as np
 
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene
 from mbinterval.scene.primitives import box, sphere
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 SUN = Light("directional", direction=(0.4, -1.0, 0.15), intensity=0.8, shadows=True)
 LAMP = Light("point", position=(0.3, 2.6, 0.4), intensity=4.0, shadows=True)

@@ -159,7 +159,7 @@ def test_what_is_in_focus_does_not_depend_on_how_a_mesh_is_cut(limit):
     assert np.abs(away)[..., 3].max() < 0.03
 
 
-@wrong("issue 19: a focus pull is left out of motion_error")
+
 def test_a_focus_pull_counts_in_motion_error():
     pull = Camera(
         position=(0, 0, 4), fov=40.0, f_stop=0.3, meters_per_unit=0.04,
@@ -177,7 +177,7 @@ def test_a_focus_pull_counts_in_motion_error():
 # Motion
 
 
-@wrong("issue 19: chords of one rigid motion differ between meshes")
+
 def test_a_decal_on_a_turning_body_is_all_seen():
     turn = [[0, 0, 0, 1], [0, np.sin(np.pi / 12), 0, np.cos(np.pi / 12)]]
     place = Transform(rotation=Track([-0.25, 0.25], turn, "linear", True))
@@ -189,14 +189,14 @@ def test_a_decal_on_a_turning_body_is_all_seen():
     assert alpha - given == pytest.approx(alpha - right, rel=0.05)
 
 
-@wrong("issue 19: keys are not knots: what moves between other times is not seen")
+
 def test_motion_between_the_ends_of_the_shutter_is_seen():
     keys = Track([-0.185, -0.1575, -0.13], [[0, 0, 0], [1.0, 0, 0], [0, 0, 0]])
     square = quad(-0.5, 0.5, high=0.5, transform=Transform(translation=keys))
     assert np.abs(shown(Scene([square], STILL)) - seen(Scene([square], STILL))).max() < 0.05
 
 
-@wrong("issue 19: the winding that counts as front is that at the opening")
+
 def test_a_scale_through_zero_turns_fronts_where_its_sign_does():
     scale = Track([-0.25, 0.25], [[1.0, 1, 1], [-1.0, 1, 1]])
     front = Material(shading="unlit", double_sided=False)
@@ -204,7 +204,7 @@ def test_a_scale_through_zero_turns_fronts_where_its_sign_does():
     assert np.abs(shown(scene) - seen(scene))[..., 3].max() < 0.05
 
 
-@wrong("issue 19: a mirrored camera shows the backs")
+
 def test_a_mirrored_camera_mirrors_the_picture():
     camera = Camera(transform=Transform(translation=(0, 0, 4), scale=(-1, 1, 1)), fov=40.0)
     front = Material(shading="unlit", double_sided=False)

@@ -14,7 +14,8 @@ from mbinterval.scene.deform import Morph, NodeJoints, Skin
 from mbinterval.scene.field_values import check_finite
 from mbinterval.scene.formats.gltf.data import GltfData, item_at
 from mbinterval.scene.model import Mesh
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 
 def read_morph(

@@ -21,7 +21,7 @@ from mbinterval.scene.formats.gltf.deform import read_morph, read_skin
 from mbinterval.scene.formats.gltf.material import MaterialReader, MaterialUse
 from mbinterval.scene.formats.gltf.nodes import read_clip, walk_nodes
 from mbinterval.scene.model import Camera, Light, Mesh, Viewpoint
-from mbinterval.scene.tracks import Transform
+from mbinterval.scene.transforms import Transform
 
 _SUPPORTED = {
     "KHR_lights_punctual",

@@ -9,7 +9,8 @@ import numpy as np
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.formats.gltf.data import GltfData, item_at
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 _INTERPOLATION = {"LINEAR": "linear", "STEP": "step", "CUBICSPLINE": "cubic"}
 

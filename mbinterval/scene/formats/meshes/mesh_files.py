@@ -22,7 +22,7 @@ from mbinterval.files.contents import read_file
 from mbinterval.files.images import linear_pixels, srgb_to_linear
 from mbinterval.scene.asset import Asset, reading
 from mbinterval.scene.model import Material, Mesh, Texture
-from mbinterval.scene.tracks import Transform
+from mbinterval.scene.transforms import Transform
 
 
 def read_mesh_file(path: Path, root: Transform | None = None) -> Asset:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.files.images import read_image, undecoded
@@ -44,7 +43,9 @@ from mbinterval.scene.model import (
     Viewpoint,
 )
 from mbinterval.scene.primitives import PRIMITIVES
-from mbinterval.scene.tracks import Track, Transform, quaternion_product
+from mbinterval.scene.rotations import euler_quaternion
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 
 def build_scene(table: SceneTable, file: str) -> Scene:
@@ -296,7 +297,7 @@ def _transform(table: TransformTable) -> Transform:
         fields["rotation"] = tuple(euler_quaternion(table.euler, table.euler_order))
     angles = _keyed(table.keys, "euler", table.interpolation)
     if angles is not None:
-        fields["rotation"] = euler_track(angles, table.euler_order)
+        fields["rotation"] = dataclasses.replace(angles, euler=table.euler_order)
     return Transform(**{name: value for name, value in fields.items() if value is not None})
 
 
@@ -310,43 +311,3 @@ def _keyed(
         return None
     frames, values = zip(*given, strict=True)
     return Track(np.array(frames), np.array(values), interpolation, quaternion)
-
-
-def euler_quaternion(degrees: Sequence[float], order: str = "xyz") -> NDArray[np.float64]:
-    """Quaternion x, y, z, w of turns about the fixed axes x, y, z, the first of ``order`` first."""
-    result = np.array([0.0, 0.0, 0.0, 1.0])
-    for axis in order:
-        index = "xyz".index(axis)
-        half = np.radians(degrees[index]) / 2.0
-        turn = np.zeros(4)
-        turn[index], turn[3] = np.sin(half), np.cos(half)
-        result = quaternion_product(turn, result)
-    return result
-
-
-_MOST_TURN = 3.6e7
-"""Degrees between two keys: a hundred thousand turns."""
-
-
-def euler_track(angles: Track, order: str) -> Track:
-    """Rotation track from Euler keys in degrees: slerp between keys, turns of 180 and more kept.
-
-    Where an angle changes by 180 degrees or more between two keys, slerp alone would take the
-    short way, so keys are put between, the angles being linear, no more than 90 degrees apart.
-    """
-    frames, values = list(angles.frames[:1]), list(angles.values[:1])
-    for key in range(1, len(angles.frames)):
-        turn = float(np.abs(angles.values[key] - angles.values[key - 1]).max())
-        if turn > _MOST_TURN:
-            raise SceneError(
-                f"transform: euler turns by {turn:g} degrees up to the key at frame "
-                f"{angles.frames[key]:g}; at most {_MOST_TURN:g} may lie between keys"
-            )
-        steps = (
-            int(np.ceil(turn / 90.0)) if turn >= 180.0 and angles.interpolation == "linear" else 1
-        )
-        for part in np.arange(1, steps + 1) / steps:
-            frames.append((1 - part) * angles.frames[key - 1] + part * angles.frames[key])
-            values.append((1 - part) * angles.values[key - 1] + part * angles.values[key])
-    quaternions = np.array([euler_quaternion(value, order) for value in values])
-    return Track(np.array(frames), quaternions, angles.interpolation, quaternion=True)

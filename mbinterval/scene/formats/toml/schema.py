@@ -219,7 +219,7 @@ class ShutterTable(Table):
 
     open: float | None = None
     close: float | None = None
-    angle: Positive | None = None
+    angle: NotNegative | None = None
     place: Literal["centre", "start", "end"] | None = None
     curve: Curve | None = None
     opening: NotNegative | None = None

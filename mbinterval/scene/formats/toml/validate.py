@@ -125,8 +125,8 @@ def conflicts(data: Mapping[str, Any], overruled: Collection[str] = ()) -> list[
             problems.append((f"{path}.name", f"{camera['name']!r} is the name of another camera"))
         names += [camera["name"]] if "name" in camera else []
     shutter = _mapping(data.get("shutter"))
-    if _ordered(shutter.get("close", 0.25), shutter.get("open", -0.25)):
-        problems.append(("shutter", "close must come after open"))
+    if _ordered(shutter.get("close", 0.25), shutter.get("open", -0.25), strictly=True):
+        problems.append(("shutter", "close must not come before open"))
     if "angle" in shutter and {"open", "close"} & set(shutter):
         problems.append(("shutter.angle", "given beside open or close; give one or the other"))
     if "place" in shutter and "angle" not in shutter:
@@ -235,6 +235,8 @@ def _list(value: Any) -> list[Any]:
     return list(value) if isinstance(value, list | tuple) else []
 
 
-def _ordered(early: Any, late: Any) -> bool:
-    """Whether both are numbers and ``early`` is not above ``late``."""
-    return isinstance(early, int | float) and isinstance(late, int | float) and early <= late
+def _ordered(early: Any, late: Any, strictly: bool = False) -> bool:
+    """Whether both are numbers and ``early`` is not above ``late``, or is below it."""
+    if not (isinstance(early, int | float) and isinstance(late, int | float)):
+        return False
+    return early < late if strictly else early <= late

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,9 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
-from mbinterval.scene.formats.usd.times import Clock, columns, finite, reading_prim
+from mbinterval.scene.formats.usd.times import (
+    Clock,
+    PrimPlace,
+    Sampled,
+    finite,
+    prim_links,
+    reading_prim,
+)
 from mbinterval.scene.frozen import OfStage
-from mbinterval.scene.tracks import Placement, Track
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Link, Opaque, chain_matrices
 
 Float64 = NDArray[np.float64]
 
@@ -47,21 +56,62 @@ class Crowd(OfStage):
 
 
 @dataclass(frozen=True, eq=False)
-class InstancePlace(OfStage):
-    """Place of a mesh in an instance: its own within the prototype, the instance's, the crowd's."""
+class Instance(Sampled):
+    """What an instancer adds to its own place for one of its instances, a `Link`."""
 
     crowd: Crowd
     number: int
-    place: Placement
-    own: Placement
-    prototype: Placement
     moving: bool
+
+    @property
+    def source(self) -> Hashable | None:
+        """See `Mover`: all instances of one instancer move alike."""
+        return self._name() if self.moving else None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Instance) and super().__eq__(other) and self.number == other.number
+
+    def __hash__(self) -> int:
+        return hash((self._name(), self.number))
+
+    def local(self, frames: Float64, base: float) -> Float64:
+        """See `Link`."""
+        found = []
+        for frame in map(float, frames):
+            instances = self.crowd.at(frame, base)
+            if self.number >= len(instances):
+                raise SceneError(
+                    f"{self.path}: instance {self.number} is gone at frame {frame:g}; the number "
+                    "of instances must stay"
+                )
+            found.append(instances[self.number])
+        return np.array(found)
+
+
+@dataclass(frozen=True, eq=False)
+class InstancePlace(OfStage):
+    """Place of a mesh in an instance: its own within the prototype, the instance's, the crowd's."""
+
+    instance: Instance
+    place: PrimPlace
+    own: PrimPlace
+    prototype: PrimPlace
+
+    def links(self) -> list[Link]:
+        """See `Link`.
+
+        The prototype's own xformOps count, those of what it lies in don't.
+        """
+        within = prim_links(self.own.prim, self.own.clock, self.prototype.prim)
+        if within is None:
+            return [Opaque(self)]
+        return [*self.place.links(), self.instance, *within]
 
     @property
     def animated(self) -> bool:
         """See `Placement`."""
         parts = (self.place, self.own, self.prototype)
-        return self.moving or any(part.animated for part in parts)
+        return self.instance.moving or any(part.animated for part in parts)
 
     @property
     def jumps(self) -> list[float]:
@@ -70,26 +120,18 @@ class InstancePlace(OfStage):
 
     def at(self, frame: float, base: float | None = None) -> Float64:
         """See `Placement`."""
-        instances = self.crowd.at(frame, frame if base is None else base)
-        if self.number >= len(instances):
-            raise SceneError(
-                f"{self.crowd.source.GetPath()}: instance {self.number} is gone at frame "
-                f"{frame:g}; the number of instances must stay"
-            )
-        # The prototype's own xformOps count, those of what it lies in don't.
+        frames, base = np.array([frame]), frame if base is None else base
+        # A prim that leaves out what it lies in counts from the world.
         parent = self.prototype.at(frame) @ np.linalg.inv(_local(self.prototype, frame))
         within = np.linalg.inv(parent) @ self.own.at(frame)
-        return np.asarray(self.place.at(frame) @ instances[self.number] @ within)
+        instance = self.instance.local(frames, base)[0]
+        return np.asarray(self.place.at(frame, base) @ instance @ within)
 
 
-def _local(place: Any, frame: float) -> Float64:
+def _local(place: PrimPlace, frame: float) -> Float64:
     """Local transform of the prim of ``place``."""
-    from pxr import UsdGeom
-
-    xformable = UsdGeom.Xformable(place.prim)
-    if not xformable:
-        return np.eye(4)
-    return columns(xformable.GetLocalTransformation(place.clock.code(frame)))
+    links = prim_links(place.prim, place.clock, place.prim) or []
+    return np.asarray(chain_matrices([links], np.array([frame]), frame)[0, 0])
 
 
 def instance_masks(source: Any, clock: Clock, count: int) -> list[bool | Track]:

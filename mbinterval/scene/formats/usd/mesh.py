@@ -6,6 +6,7 @@ faces, every corner becomes a vertex of its own; ``points`` says which point eac
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +15,7 @@ from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.deform import ALL, Index
-from mbinterval.scene.formats.usd.times import Clock, reading_prim
-from mbinterval.scene.frozen import OfStage
+from mbinterval.scene.formats.usd.times import Sampled, reading_prim
 
 Float64 = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -128,30 +128,29 @@ def _primvar(mesh: Any, name: str, values: Any, kind: str, topology: Topology) -
 
 
 @dataclass(frozen=True, eq=False)
-class MovingPoints(OfStage):
+class MovingPoints(Sampled):
     """Points of a mesh over time: sampled, and led on by velocities and accelerations.
 
     ``vertices`` ``(N,)`` are the points that the mesh's vertices are.
     """
 
     mesh: Any
-    clock: Clock
     vertices: Ints
 
     @property
-    def jumps(self) -> list[float]:
-        """See `Deformer`: points are interpolated."""
-        return []
+    def source(self) -> Hashable | None:
+        """See `Mover`: all parts of one mesh move alike."""
+        return MovingPoints, id(self.clock.stage), self.path
 
     def positions(self, frame: float, which: Index = ALL, base: float | None = None) -> Float64:
         """See `Deformer`. Velocities lead on from the sample at or before ``base``."""
         code = self.clock.code(frame)
         start = self.clock.code(frame if base is None else base)
-        with reading_prim(self.mesh.GetPath()):
+        with reading_prim(self.path):
             points = np.array(self.mesh.ComputePointsAtTime(code, start), dtype=np.float64)
         chosen = self.vertices[which]
         if len(points) <= int(chosen.max(initial=-1)):
-            raise SceneError(f"{self.mesh.GetPath()}: only {len(points)} points at frame {frame:g}")
+            raise SceneError(f"{self.path}: only {len(points)} points at frame {frame:g}")
         return points[chosen]
 
     def normals(self, frame: float) -> Float64 | None:
@@ -172,7 +171,7 @@ class MovingNormals(MovingPoints):
 
     def normals(self, frame: float) -> Float64 | None:
         """See `Deformer`."""
-        with reading_prim(self.mesh.GetPath()):
+        with reading_prim(self.path):
             found = read_normals(self.mesh, self.topology, self.clock.code(frame))
         return None if found is None else found.at_corners(self.topology)[self.corners]
 

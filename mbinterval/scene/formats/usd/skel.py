@@ -6,19 +6,40 @@ xformOps don't.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.scene.deform import Morph, MorphedSkin, Skin
-from mbinterval.scene.formats.usd.times import Clock, columns, finite, reading_prim
+from mbinterval.scene.formats.usd.times import Clock, Sampled, columns, finite, reading_prim
 from mbinterval.scene.frozen import OfStage
+from mbinterval.scene.transforms import Link
 
 Float64 = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class SkelJoint(Sampled):
+    """One of the joints of a skeleton, a `Link`."""
+
+    joints: SkelJoints
+    number: int
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, SkelJoint) and super().__eq__(other) and self.number == other.number
+        )
+
+    def __hash__(self) -> int:
+        return hash((self._name(), self.number))
+
+    def local(self, frames: Float64, base: float) -> Float64:
+        """See `Link`."""
+        return np.array([self.joints.of_skeleton(float(frame))[self.number] for frame in frames])
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +50,23 @@ class SkelJoints(OfStage):
     order: Ints
     bind: Float64
     clock: Clock
+    _known: dict[float, Float64] = field(default_factory=dict)
+
+    @property
+    def inverse_bind(self) -> Float64:
+        """See `Joints`: the skeleton's own are in its transforms."""
+        return np.broadcast_to(self.bind, (len(self.order), 4, 4))
+
+    def chains(self) -> list[list[Link]]:
+        """See `Joints`; in the skeleton's space."""
+        prim, animation = self.skeleton.GetPrim(), self.skeleton.GetAnimQuery()
+        attributes = []
+        if animation:
+            moved = animation.GetPrim()
+            attributes = [moved.GetAttribute(name) for name in _JOINT_VALUES]
+        given = tuple(attribute for attribute in attributes if attribute)
+        path = str(prim.GetPath())
+        return [[SkelJoint(self.clock, path, given, self, int(joint))] for joint in self.order]
 
     @property
     def jumps(self) -> list[float]:
@@ -37,31 +75,40 @@ class SkelJoints(OfStage):
 
     def at(self, frame: float) -> Float64:
         """See `Joints`; in the skeleton's space."""
-        path = self.skeleton.GetPrim().GetPath()
-        with reading_prim(path):
-            found = self.skeleton.ComputeSkinningTransforms(self.clock.code(frame))
-            matrices = np.array(found, dtype=np.float64).transpose(0, 2, 1)[self.order]
-        return np.asarray(finite(matrices, path, frame) @ self.bind)
+        return np.asarray(self.of_skeleton(frame)[self.order] @ self.bind)
+
+    def of_skeleton(self, frame: float) -> Float64:
+        """``(J, 4, 4)``: what moves the joints from the bind pose, in the skeleton's order."""
+        found = self._known.get(frame)  # other threads may clear it at any time
+        if found is None:
+            if len(self._known) >= _MOST_KNOWN:
+                self._known.clear()
+            path = self.skeleton.GetPrim().GetPath()
+            with reading_prim(path):
+                given = self.skeleton.ComputeSkinningTransforms(self.clock.code(frame))
+                found = np.array(given, dtype=np.float64).transpose(0, 2, 1)
+            self._known[frame] = found = finite(found, path, frame)
+        return found
+
+
+_JOINT_VALUES = ("translations", "rotations", "scales")
+_MOST_KNOWN = 1024
 
 
 @dataclass(frozen=True, eq=False)
-class ShapeWeights(OfStage):
-    """Weights of sub-shapes over time: blend shapes with their in-betweens."""
+class ShapeWeights(Sampled):
+    """Weights of sub-shapes over time: blend shapes with their in-betweens, a `Mover`."""
 
     animation: Any
     order: Ints
     query: Any
     count: int
-    clock: Clock
 
-    @property
-    def jumps(self) -> list[float]:
-        """Nowhere: animation is interpolated."""
-        return []
+    pieces: ClassVar[int] = 8
 
     def at(self, frame: float) -> Float64:
         """See `Weights`."""
-        with reading_prim(self.animation.GetPrim().GetPath()):
+        with reading_prim(self.path):
             given = np.array(self.animation.ComputeBlendShapeWeights(self.clock.code(frame)))
         known = np.append(given, 0.0)  # -1 is a shape that the animation does not know
         weights = known[self.order].astype(np.float32)
@@ -159,5 +206,8 @@ class SkelReader:
             dense[where[inside]] = moved[inside]
             offsets.append(dense[vertices])
         positions = np.array(offsets).reshape(-1, count, 3)
-        weights = ShapeWeights(animation, order, query, len(positions), self.clock)
+        moved = animation.GetPrim()
+        given = moved.GetAttribute("blendShapeWeights")
+        sampled = self.clock, str(moved.GetPath()), (given,) if given else ()
+        weights = ShapeWeights(*sampled, animation, order, query, len(positions))
         return Morph(positions, None, weights)

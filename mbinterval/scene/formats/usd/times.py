@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ from mbinterval.errors import SceneError
 from mbinterval.scene.field_values import number
 from mbinterval.scene.formats.usd.layers import without_link
 from mbinterval.scene.frozen import OfStage
-from mbinterval.scene.tracks import Placement, Track
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Link, Placement, chain_matrices, links_of
 
 Float64 = NDArray[np.float64]
 
@@ -70,6 +71,121 @@ class Clock:
         return [time / self.rate for time in sorted(times)]
 
 
+def between(keys: Float64, first: float, last: float, pieces: int) -> Float64:
+    """Frames from ``first`` to ``last``, ``keys`` among them, and others evenly between these."""
+    inner = keys[(keys > first) & (keys < last)]
+    ends = np.concatenate([[first], inner, [last]])
+    parts = np.arange(pieces) / pieces
+    return np.append((ends[:-1, None] + parts * np.diff(ends)[:, None]).ravel(), last)
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled(OfStage):
+    """What a stage moves, a `Mover` by the samples of its ``attributes``.
+
+    USD interpolates them by rules of its own, so that it is looked at ``pieces`` times between two.
+    """
+
+    clock: Clock
+    path: str
+    attributes: tuple[Any, ...]
+
+    pieces: ClassVar[int] = 4
+
+    def _name(self) -> tuple[Any, ...]:
+        return type(self), id(self.clock.stage), self.path
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sampled) and self._name() == other._name()
+
+    def __hash__(self) -> int:
+        return hash(self._name())
+
+    @cached_property
+    def _frames(self) -> Float64:
+        return np.array(self.clock.frames(list(self.attributes)))
+
+    @property
+    def source(self) -> Hashable | None:
+        """See `Mover`."""
+        moves = any(attribute.ValueMightBeTimeVarying() for attribute in self.attributes)
+        return self._name() if moves else None
+
+    @property
+    def jumps(self) -> list[float]:
+        """See `Mover`: values are interpolated."""
+        return []
+
+    def keys(self, first: float, last: float) -> Float64:
+        """See `Mover`."""
+        frames = self._frames
+        return frames[(frames >= first) & (frames <= last)]
+
+    def samples(self, first: float, last: float) -> Float64:
+        """See `Mover`."""
+        return between(self._frames, first, last, self.pieces)
+
+
+class PrimLink(Sampled):
+    """What a prim's own xformOps add to the place of its parent, a `Link`."""
+
+    def local(self, frames: Float64, base: float) -> Float64:
+        """See `Link`."""
+        from pxr import UsdGeom
+
+        xformable, found = UsdGeom.Xformable(self._prim), []
+        with reading_prim(self.path):
+            for frame in frames:
+                matrix = columns(xformable.GetLocalTransformation(self.clock.code(float(frame))))
+                found.append(finite(matrix, self.path, float(frame)))
+        return np.array(found)
+
+    def samples(self, first: float, last: float) -> Float64:
+        """See `Mover`: angles may run through many turns from one sample to the next."""
+        return between(self._frames, first, last, self._turns)
+
+    @property
+    def _prim(self) -> Any:
+        return self.clock.stage.GetPrimAtPath(self.path)
+
+    @cached_property
+    def _turns(self) -> int:
+        """Pieces between two samples in which the prim turns little."""
+        most = 0.0
+        for attribute in self.attributes:
+            if ":rotate" in attribute.GetName():
+                values = [attribute.Get(time) for time in attribute.GetTimeSamples()]
+                angles = np.array(values, np.float64).reshape(len(values), -1)
+                most += float(np.abs(np.diff(angles, axis=0)).sum(axis=1).max(initial=0.0))
+        return int(min(max(self.pieces, most / _TURN), _MOST_PIECES))
+
+
+_TURN = 11.25
+_MOST_PIECES = 4096
+
+
+def prim_links(prim: Any, clock: Clock, top: Any = None) -> list[Link] | None:
+    """Links of ``prim`` and its ancestors up to ``top``, the outermost first.
+
+    None where one below ``top`` leaves out what lies above it.
+    """
+    from pxr import UsdGeom
+
+    found: list[Link] = []
+    step = prim
+    while step and not step.IsPseudoRoot():
+        xformable = UsdGeom.Xformable(step)
+        if xformable:
+            ops = tuple(op.GetAttr() for op in xformable.GetOrderedXformOps())
+            found.append(PrimLink(clock, str(step.GetPath()), ops))
+            if xformable.GetResetXformStack():
+                return None if top is not None and step != top else found[::-1]
+        if top is not None and step == top:
+            break
+        step = step.GetParent()
+    return found[::-1]
+
+
 @dataclass(frozen=True, eq=False)
 class PrimPlace(OfStage):
     """The place of a prim: local to world by its xformOps, under ``root``."""
@@ -77,7 +193,15 @@ class PrimPlace(OfStage):
     prim: Any
     clock: Clock
     root: Placement | None
-    animated: bool
+
+    def links(self) -> list[Link]:
+        """See `Link`."""
+        return links_of(self.root) + (prim_links(self.prim, self.clock) or [])
+
+    @property
+    def animated(self) -> bool:
+        """See `Placement`."""
+        return any(link.source is not None for link in self.links())
 
     @property
     def jumps(self) -> list[float]:
@@ -86,31 +210,14 @@ class PrimPlace(OfStage):
 
     def at(self, frame: float, base: float | None = None) -> Float64:
         """See `Placement`."""
-        from pxr import UsdGeom
-
         path = self.prim.GetPath()
-        with reading_prim(path):
-            imageable = UsdGeom.Imageable(self.prim)
-            local = columns(imageable.ComputeLocalToWorldTransform(self.clock.code(frame)))
-        return under(self.root, finite(local, path, frame), frame)
+        frames = np.array([frame])
+        return finite(chain_matrices([self.links()], frames, frame)[0, 0], path, frame)
 
 
 def prim_place(prim: Any, clock: Clock, root: Placement | None) -> PrimPlace:
     """Place of ``prim``; whether it moves follows from all its ancestors' xformOps."""
-    from pxr import UsdGeom
-
-    ops: list[Any] = []
-    step = prim
-    while step and not step.IsPseudoRoot():
-        xformable = UsdGeom.Xformable(step)
-        if xformable:
-            ops += [op.GetAttr() for op in xformable.GetOrderedXformOps()]
-            if xformable.GetResetXformStack():
-                break
-        step = step.GetParent()
-    moving = [op for op in ops if op.ValueMightBeTimeVarying()]
-    animated = bool(moving) or (root is not None and root.animated)
-    place = PrimPlace(prim, clock, root, animated)
+    place = PrimPlace(prim, clock, root)
     place.at(0.0)  # broken xformOps are told of while the file is read
     return place
 
@@ -125,11 +232,6 @@ def finite(matrix: Float64, prim: Any, frame: float) -> Float64:
     if not np.isfinite(matrix).all():
         raise SceneError(f"{prim}: its place at frame {frame:g} is not finite")
     return matrix
-
-
-def under(root: Placement | None, matrix: Float64, frame: float) -> Float64:
-    """``matrix`` in the space of ``root`` at ``frame``."""
-    return matrix if root is None else root.at(frame) @ matrix
 
 
 def keyed(attribute: Any, clock: Clock) -> float | Track | None:

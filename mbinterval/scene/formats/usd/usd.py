@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mbinterval.errors import SceneError
 from mbinterval.scene import field_values
 from mbinterval.scene.asset import Asset, reading, several_cameras
-from mbinterval.scene.formats.usd.instances import Crowd, InstancePlace, instance_masks
+from mbinterval.scene.formats.usd.instances import Crowd, Instance, InstancePlace, instance_masks
 from mbinterval.scene.formats.usd.layers import Layers, read_layers
 from mbinterval.scene.formats.usd.material import MaterialReader
 from mbinterval.scene.formats.usd.mesh import (
@@ -32,7 +32,8 @@ from mbinterval.scene.formats.usd.mesh import (
 from mbinterval.scene.formats.usd.skel import SkelReader
 from mbinterval.scene.formats.usd.times import Clock, keyed, prim_place, reading_prim, visibility
 from mbinterval.scene.model import Camera, Mesh, Shutter, Viewpoint
-from mbinterval.scene.tracks import Track, Transform
+from mbinterval.scene.tracks import Track
+from mbinterval.scene.transforms import Transform
 
 Float64 = NDArray[np.float64]
 
@@ -203,6 +204,7 @@ class _StageReader:
         )
         place = prim_place(source.GetPrim(), self.clock, self.root)
         crowd = Crowd(source, self.clock, {})
+        sampled = self.clock, str(source.GetPath()), tuple(attributes)
         seen = instance_masks(source, self.clock, len(kinds))
         predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         meshes: list[Mesh] = []
@@ -219,7 +221,8 @@ class _StageReader:
                 if visible is False:
                     continue
                 for part, own in parts:
-                    at = InstancePlace(crowd, int(number), place, own, inner, moving)
+                    instance = Instance(*sampled, crowd, int(number), moving)
+                    at = InstancePlace(instance, place, own, inner)
                     name = f"{source.GetPrim().GetName()}[{number}]/{part.name}"
                     if visible is True:
                         visible = part.visible if shown is True else shown
@@ -328,9 +331,10 @@ class _MeshReader:
         points, speeds = self.mesh.GetPointsAttr(), self.mesh.GetVelocitiesAttr()
         if not points.ValueMightBeTimeVarying() and not speeds.HasValue():
             return replace(mesh, transform=place)
-        moving = MovingPoints(self.mesh, self.clock, vertices)
+        sampled = self.clock, str(self.mesh.GetPath()), (points, speeds)
+        moving = MovingPoints(*sampled, self.mesh, vertices)
         if normals is not None:
-            moving = MovingNormals(self.mesh, self.clock, vertices, self.topology, corners)
+            moving = MovingNormals(*sampled, self.mesh, vertices, self.topology, corners)
         return replace(mesh, deformer=moving, transform=place)
 
     def _blur(self) -> dict[str, Any]:
