@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -282,7 +282,8 @@ def _mover_of(deformer: Any) -> Mover | None:
     weights = None if deformer.morph is None else deformer.morph.weights
     if weights is None or isinstance(weights, np.ndarray):
         return None
-    return weights if hasattr(weights, "samples") else Opaque(weights)
+    mover: Any = weights if hasattr(weights, "samples") else Opaque(weights)
+    return cast(Mover, mover)
 
 
 def _skeletons(meshes: Iterable[Mesh]) -> dict[Link, Hashable]:
@@ -314,7 +315,7 @@ def _carried(body: Body) -> Iterable[tuple[Place, Float64]]:
     mesh, skin = body.mesh, skin_of(body.mesh)
     vertices = _some_vertices(mesh)
     if skin is not None:
-        rest = mesh.deformer.rest[vertices]
+        rest = mesh.positions[vertices]
         indices, weights = skin.indices[vertices], skin.weights[vertices]
         for joint, place in enumerate(body.places):
             bound = ((indices == joint) & (weights > _LEAST_WEIGHT)).any(axis=1)

@@ -164,7 +164,7 @@ def camera_path(view: View, nearest: float, asked: Asked, levels: int) -> Camera
         if asked.segments is not None:
             knots = stretch.ends(asked.segments).astype(np.float32).astype(np.float64)
         else:
-            looks = _samples(view, stretch, asked.moment)
+            looks = _samples(view, stretch, asked.moments)
             knots, left = _choose(view, stretch, looks, nearest, asked, levels)
             worst = max(worst, left)
         poses = view.poses(stretch.inside(knots, view.window))
@@ -176,16 +176,18 @@ def moves(view: View) -> bool:
     """Whether the camera moves while the shutter is open."""
     if not view.camera.animated or view.window.instant:
         return False
-    times, _ = _samples(view, Stretch(), 0.5)
+    times, _ = _samples(view, Stretch())
     jumps = view.window.times_of(view.camera.jumps)
     return view.poses(np.append(times, jumps)).moves
 
 
-def _samples(view: View, stretch: Stretch, moment: float) -> tuple[Float64, NDArray[np.bool_]]:
+def _samples(
+    view: View, stretch: Stretch, moments: tuple[float, ...] = ()
+) -> tuple[Float64, NDArray[np.bool_]]:
     """Times in the stretch at which to look at the camera, and which of them are keys."""
     links = [link for link in links_of(view.camera.transform) if link.source is not None]
     movers: list[Looked] = [*links, *view.camera.tracks]
-    return look_times(view.window, stretch, movers, 1.0, (), (moment,), _LOOKS)
+    return look_times(view.window, stretch, movers, 1.0, (), moments, _LOOKS)
 
 
 def _choose(
@@ -209,7 +211,7 @@ def _choose(
     def allowed(first: int, last: int) -> bool:
         return turned(first, last) and _invertible(every.view[first], every.view[last])
 
-    wanted = np.flatnonzero(times == float(np.float32(asked.moment)))
+    wanted = np.flatnonzero(np.isin(times, asked.moments))
     chosen = choose_knots(followed, (0, len(times) - 1), wanted, limit, asked.most, allowed)
     return times[chosen.knots], chosen.deviation
 

@@ -116,7 +116,7 @@ class Cut:
         found = [self.path.knots(stretch), knots_of(body.sources, stretch)]
         segments = body.mesh.motion_segments or self.asked.segments
         if segments is not None and (self.path.moves or body.sources):
-            found.append(stretch.ends(segments).astype(np.float32).astype(np.float64))
+            found.append(stretch.knots(segments))
         found.append(np.array([stretch.open, stretch.close]))
         return np.unique(np.concatenate(found))
 

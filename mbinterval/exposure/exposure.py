@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
-from mbinterval.exposure.asked import Asked
+from mbinterval.exposure.asked import AS_FEW, Asked
 from mbinterval.exposure.camera_path import CameraPath, View
 from mbinterval.exposure.cut import Cut
 from mbinterval.exposure.framing import framing_camera, headlight
@@ -71,7 +71,7 @@ def expose(
     scene: Scene,
     frame: float,
     aspect: float,
-    asked: Asked,
+    asked: Asked = AS_FEW,
     *,
     lines: int = 1,
     height: int = 1,

@@ -140,7 +140,8 @@ def _reach(
     most: int,
 ) -> list[int]:
     """Knots after ``first`` up to ``last``: each as far as the limit allows, then spread evenly."""
-    found, start = [], first
+    found: list[int] = []
+    start = first
     while start < last and len(found) <= most:
         near, far = start + 1, last
         if bound(start, last) > limit:

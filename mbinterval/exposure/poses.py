@@ -142,13 +142,12 @@ def _focal(camera: Camera, frames: Float64, aspect: float) -> Float64:
     """Focal length ``(T,)`` as a fraction of the image's height."""
     if camera.focal_length is None:
         fov = value_at(45.0 if camera.fov is None else camera.fov, frames)
-        focal, height = np.float64(0.5), np.tan(np.radians(fov) / 2.0)
+        given = np.asarray(0.5), np.tan(np.radians(fov) / 2.0)
     else:
-        focal = value_at(camera.focal_length, frames)
-        height = np.float64(camera.vertical_aperture or 24.0)
+        given = value_at(camera.focal_length, frames), np.asarray(camera.vertical_aperture or 24.0)
         if camera.vertical_aperture is None and camera.horizontal_aperture is not None:
-            focal, height = focal * aspect, np.float64(camera.horizontal_aperture)
-    focal, height = np.broadcast_arrays(focal, height, np.zeros(len(frames)))[:2]
+            given = given[0] * aspect, np.asarray(camera.horizontal_aperture)
+    focal, height, _ = np.broadcast_arrays(*given, np.zeros(len(frames)))
     wrong = ~((height / LARGEST <= focal) & (focal <= height * LARGEST))
     if wrong.any():
         fields = "fov" if camera.focal_length is None else "focal_length and aperture"

@@ -83,6 +83,10 @@ class Stretch:
         """``(segments + 1,)`` times of the shutter at the ends of equal motion segments."""
         return self.at(np.arange(segments + 1) / segments)
 
+    def knots(self, segments: int) -> Float64:
+        """``(segments + 1,)``: `ends`, such as float32 holds, as the kernels have them."""
+        return self.ends(segments).astype(np.float32).astype(np.float64)
+
     def at(self, parts: Float64) -> Float64:
         """Times of the shutter at ``parts`` of the stretch, from 0 to 1."""
         if self == WHOLE:

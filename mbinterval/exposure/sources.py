@@ -93,9 +93,11 @@ class Source:
     followers: list[Follower] = field(default_factory=list)
     parts: tuple[Part, ...] = ()
     deviation: float = 0.0
+    level: int = 1
+    deepest: int = 1
 
     def __post_init__(self) -> None:
-        self.level = 1 + max((parent.level for parent in self.parents), default=0)
+        self.level += max((parent.level for parent in self.parents), default=0)
         self._deepen(self.level)
 
     @property
@@ -104,7 +106,7 @@ class Source:
         return self.deviation + max((parent.total for parent in self.parents), default=0.0)
 
     def _deepen(self, level: int) -> None:
-        self.deepest = max(level, getattr(self, "deepest", 0))
+        self.deepest = max(level, self.deepest)
         for parent in self.parents:
             parent._deepen(level)
 
@@ -124,10 +126,11 @@ class Source:
         camera, parts = seeing.camera, []
         for stretch in stretches(self.breaks(camera), [(0.0, 1.0)]):
             shared = np.union1d(camera.knots(stretch), knots_of(self.parents, stretch))
-            own = [time for time in self.fixed if stretch.open < time < stretch.close]
+            fixed = np.asarray(self.fixed, np.float32).astype(np.float64)
+            own = [time for time in fixed if stretch.open < time < stretch.close]
             segments = self.segments or asked.segments
             if segments is not None:
-                own += list(stretch.ends(segments))
+                own += list(stretch.knots(segments))
             if segments is None and not self.fixed:
                 knots, left = self._choose(stretch, shared, seeing, asked)
                 self.deviation = max(self.deviation, left)
@@ -142,7 +145,7 @@ class Source:
     ) -> tuple[Float64, float]:
         """Knots in one stretch, the shared ones among them, and the deviation that they leave."""
         times, corners = look_times(
-            self.window, stretch, self.movers, self.scale, shared, (asked.moment,), _LOOKS
+            self.window, stretch, self.movers, self.scale, shared, asked.moments, _LOOKS
         )
         limit = asked.error / (self.deepest + seeing.camera.moves)
         followed = self._followed(times, corners, stretch, seeing)
@@ -152,7 +155,7 @@ class Source:
             corners = np.isin(fine, times[corners])
             followed, times = self._followed(fine, corners, stretch, seeing), fine
         fixed = np.searchsorted(times, np.concatenate([shared, [stretch.open, stretch.close]]))
-        wanted = np.flatnonzero(times == float(np.float32(asked.moment)))
+        wanted = np.flatnonzero(np.isin(times, asked.moments))
         chosen = choose_knots(followed, map(int, fixed), wanted, limit, asked.most)
         return times[chosen.knots], chosen.deviation
 

@@ -85,7 +85,8 @@ class NodeJoints(Frozen):
 
     def at(self, frame: float) -> Float64:
         """See `Joints`."""
-        return chain_matrices(self.chains(), np.array([frame]), frame)[0] @ self.inverse_bind
+        places = chain_matrices(self.chains(), np.array([frame]), frame)[0]
+        return np.asarray(places @ self.inverse_bind)
 
     @property
     def jumps(self) -> list[float]:

@@ -37,10 +37,10 @@ def arc(a: Float64, b: Float64) -> Float64:
     return np.asarray(2.0 * np.arctan2(apart, together))
 
 
-def quaternion_matrix(quaternion: Float64) -> Float64:
+def quaternion_matrix(quaternion: Float64 | Sequence[float]) -> Float64:
     """``(..., 3, 3)`` rotations of quaternions ``(..., 4)`` of any non-zero length."""
-    quaternion = np.asarray(quaternion, dtype=np.float64)
-    x, y, z, w = np.moveaxis(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True), -1, 0)
+    given = np.asarray(quaternion, dtype=np.float64)
+    x, y, z, w = np.moveaxis(given / np.linalg.norm(given, axis=-1, keepdims=True), -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],

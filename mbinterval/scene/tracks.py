@@ -180,12 +180,11 @@ class Track(Frozen):
         start, end = self._at_keys[key], self._at_keys[key + 1]
         if self.interpolation == "cubic":
             return _CUBIC_PIECES
+        turn = 0.0
         if self.quaternion:
-            turn = 2.0 * min(arc(start, end), arc(start, -end))
+            turn = 2.0 * min(float(arc(start, end)), float(arc(start, -end)))
         elif self.euler:
             turn = float(np.radians(np.abs(end - start).sum()))
-        else:
-            turn = 0.0
         return 1 if turn == 0.0 else max(2, int(np.ceil(min(turn / _FINE, _MOST_PIECES))))
 
 

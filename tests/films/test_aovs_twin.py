@@ -17,6 +17,7 @@ from support.nightly import nightly, nightly_but
 
 import mbinterval as mb
 from mbinterval.errors import UsageError
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import Exposure, expose
 from mbinterval.files.exr import ExrImage, write_exr
 from mbinterval.film.aovs import AOVS, FLOWS, MOMENTARY
@@ -67,7 +68,7 @@ def busy(seed: int, camera: str, near: float = 1.0) -> Scene:
 
 
 def exposed(scene: Scene, frame: float) -> Exposure:
-    return expose(scene, frame, SIZE[0] / SIZE[1], SEGMENTS)
+    return expose(scene, frame, SIZE[0] / SIZE[1], Asked(segments=SEGMENTS))
 
 
 def settings(aovs: tuple[str, ...] = tuple(AOVS), **others: object) -> mb.Settings:

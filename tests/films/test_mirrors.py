@@ -11,6 +11,7 @@ from support.mirror_scenes import LIGHTS, flying, mirror, plane, rms, turned
 from support.nightly import nightly, nightly_but
 
 import mbinterval as mb
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import expose
 from mbinterval.exposure.mirrors import find_mirrors
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Texture
@@ -344,7 +345,7 @@ def test_a_mesh_has_as_many_motion_segments_in_mirrors_as_outside():
         wing = Mesh(positions=corners, faces=[[0, 1, 2]], name="wing",
                     transform=replace(spin, translation=(0, 0, away)))  # fmt: skip
         of = Scene(meshes=[glassy(ROUND), wing], camera=CAMERA)
-        found = expose(of, 1.0, 1.0, motion_error=0.05, height=200).meshes
+        found = expose(of, 1.0, 1.0, Asked(error=0.05), height=200).meshes
         wings = {mesh.world: mesh for mesh in found if mesh.mesh.name == "wing"}
         assert wings[0].segments > 1
         assert len({mesh.segments for mesh in wings.values()}) == 1
@@ -353,7 +354,7 @@ def test_a_mesh_has_as_many_motion_segments_in_mirrors_as_outside():
 
 def test_only_what_may_be_behind_a_mirror_is_reflected():
     surfaces = [mirror(), *crowd()]
-    found = expose(scene(surfaces), 1.0, SIZE[0] / SIZE[1], motion_segments=1)
+    found = expose(scene(surfaces), 1.0, SIZE[0] / SIZE[1], Asked(segments=1))
     plane_of = found.mirrors[0]
     real = [m for m in found.meshes if not m.world]
     seen = {m.index: m for m in found.meshes if m.world}

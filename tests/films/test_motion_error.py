@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from mbinterval.errors import UsageError
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import expose
-from mbinterval.exposure.mesh_exposure import mesh_times, world_positions
-from mbinterval.exposure.segments import MOST_SEGMENTS
 from mbinterval.exposure.shutter_times import Window
+from mbinterval.exposure.true_motion import world_positions
 from mbinterval.rendering.describe import describe
 from mbinterval.rendering.renderer import render
 from mbinterval.scene.formats.load import load
-from mbinterval.scene.formats.toml.build import euler_track
 from mbinterval.scene.model import Camera, Mesh, Scene, Shutter
 from mbinterval.scene.tracks import Track
 from mbinterval.scene.transforms import Transform
@@ -31,8 +30,7 @@ def keyed(*pairs, **options):
 
 def turning(degrees):
     """Turned about z by ``degrees`` within a shutter from frame 0 to 1."""
-    angles = keyed((0, (0, 0, 0)), (1, (0, 0, degrees)))
-    return Transform(rotation=euler_track(angles, "xyz"))
+    return Transform(rotation=keyed((0, (0, 0, 0)), (1, (0, 0, degrees)), euler="xyz"))
 
 
 def disc(radius=3.0, points=24, **fields):
@@ -44,14 +42,15 @@ def disc(radius=3.0, points=24, **fields):
 
 def exposed(*meshes, camera=CAMERA, frame=0.0, error=0.1, shutter=None, segments=None):
     scene = Scene(meshes, camera, shutter=shutter or Shutter(0.0, 1.0))
-    return expose(scene, frame, WIDTH / HEIGHT, segments, 1, error, HEIGHT)
+    return expose(
+        scene, frame, WIDTH / HEIGHT, Asked(segments=segments, error=error), height=HEIGHT
+    )
 
 
 def pixels(points, poses, time):
     """Twin of the projection: homogeneous pixels of world points ``(n, 3)``."""
-    p = (points - poses.eye[time]) @ poses.rotation[time].T
-    focal, w = poses.focal[time] * HEIGHT, -p[:, 2]
-    return np.stack([focal * p[:, 0] + WIDTH / 2 * w, -focal * p[:, 1] + HEIGHT / 2 * w, w], 1)
+    x, y, z = np.diag([HEIGHT, -HEIGHT, -1]) @ poses.view[time] @ (points - poses.eye[time]).T
+    return np.stack([x + WIDTH / 2 * z, y + HEIGHT / 2 * z, z], 1)
 
 
 def dense_error(exposure, mesh, places, frame=0.0, steps=997):
@@ -69,8 +68,9 @@ def dense_error(exposure, mesh, places, frame=0.0, steps=997):
     ]
     shutter = exposure.shutter
     for t in (np.arange(steps) + 0.5) / steps:
-        k = min(int(t * count), count - 1)
-        path = (1 - (t * count - k)) * nodes[k] + (t * count - k) * nodes[k + 1]
+        k = min(int(np.searchsorted(mesh.knots, t, side="right")) - 1, count - 1)
+        part = (t - mesh.knots[k]) / (mesh.knots[k + 1] - mesh.knots[k])
+        path = (1 - part) * nodes[k] + part * nodes[k + 1]
         now = frame + shutter.open + t * (shutter.close - shutter.open)
         poses = camera_poses(exposure.camera, np.array([now]), WIDTH / HEIGHT)
         true = pixels(places(now), poses, 0)
@@ -97,7 +97,7 @@ def test_a_turning_wheel_is_round(degrees, error):
     exposure = exposed(mesh, error=error)
     result = exposure.meshes[0]
     assert dense_error(exposure, result, lambda t: rotated(mesh, degrees * t)) <= error
-    radius = 3.0 / 10.0 * exposure.cameras[0].focal[0] * HEIGHT
+    radius = 3.0 / 10.0 * exposure.path.opening.focal[0] * HEIGHT
     fewest = int(np.ceil(np.radians(degrees) / 2 / np.arccos(1 - error / radius)))
     assert fewest <= result.segments <= np.ceil(1.15 * fewest)
 
@@ -166,8 +166,8 @@ def test_what_does_not_move_has_none_and_explicit_numbers_win():
 @pytest.mark.parametrize(
     "camera",
     [
-        Camera(transform=Transform((0, 0, 10), parent=Transform(rotation=euler_track(
-            keyed((0, (0, 0, 0)), (1, (0, 70, 0))), "xyz")))),
+        Camera(transform=Transform((0, 0, 10), parent=Transform(
+            rotation=keyed((0, (0, 0, 0)), (1, (0, 70, 0)), euler="xyz")))),
         Camera(position=(0, 0, 10), look_at=keyed((0, (-3, 0, 0)), (1, (3, 1, 0))), fov=40),
         Camera(position=(0, 0, 10), look_at=(0, 0, 0), fov=keyed((0, 20), (1, 60))),
     ],
@@ -194,41 +194,42 @@ def test_skins_are_followed_on_their_arcs(tmp_path):
     scene = Scene(
         scene.meshes, Camera(position=(200, 50, 0), look_at=(0, 40, 0)), shutter=Shutter(-0.5, 0.5)
     )
-    exposure = expose(scene, 7.0, WIDTH / HEIGHT, None, 1, 0.1, HEIGHT)
+    exposure = expose(scene, 7.0, WIDTH / HEIGHT, Asked(error=0.1), height=HEIGHT)
     result, mesh = exposure.meshes[0], scene.meshes[0]
     assert result.segments > 1
     assert dense_error(exposure, result, mesh.deformer.positions, 7.0, steps=101) <= 0.1
 
 
 def test_positions_per_time_keep_their_times():
-    """Three given positions under a transform that turns: a multiple of two segments."""
+    """Three given positions under a transform that turns: knots at their times, and others."""
     mesh = disc()
     moving = np.stack([mesh.positions, mesh.positions * [1, 0.5, 1], mesh.positions])
     still = Mesh(moving, mesh.faces, shading="unlit")
-    assert exposed(still).meshes[0].segments == 2
+    assert exposed(still).meshes[0].knots.tolist() == [0, 0.5, 1]
     turned = exposed(Mesh(moving, mesh.faces, shading="unlit", transform=turning(60))).meshes[0]
     assert turned.segments > 2
-    assert turned.segments % 2 == 0
+    assert 0.5 in turned.knots
 
 
 def test_the_most_segments_are_said(capsys):
     mesh = disc(transform=turning(360 * 8), name="fan")
     scene = Scene([mesh], CAMERA, shutter=Shutter(0.0, 1.0))
     text = describe(scene, 0, WIDTH, HEIGHT, Settings())
-    assert f"{MOST_SEGMENTS} motion segments: path error" in text
-    assert f"motion_error asks for more than {MOST_SEGMENTS}" in text
+    assert "128 motion segments: off by" in text
+    assert "more than motion_error=0.1, with most_segments=128" in text
     few = describe(
         Scene([disc(transform=turning(20))], CAMERA, shutter=Shutter(0, 1)), 0, 64, 48, Settings()
     )
-    assert "px with 1" in few
-    assert "asks for more" not in few
+    assert "segments: off by 0.0" in few
+    assert "most_segments" not in few
 
 
 def test_the_number_of_segments_is_small_where_the_image_is():
     mesh = disc(transform=turning(90))
     scene = Scene([mesh], CAMERA, shutter=Shutter(0.0, 1.0))
     counts = [
-        expose(scene, 0, 1.5, None, 1, 0.1, height).meshes[0].segments for height in (24, 480, 2160)
+        expose(scene, 0, 1.5, Asked(error=0.1), height=height).meshes[0].segments
+        for height in (24, 480, 2160)
     ]
     assert counts == sorted(counts)
     assert counts[0] < counts[1] < counts[2]
@@ -243,6 +244,5 @@ def test_the_error_must_be_a_number_above_zero(value):
 def test_own_times_are_those_of_the_shutter():
     window = Window(3.0, -0.25, 0.25)
     mesh = disc(transform=Transform(translation=keyed((0, (0, 0, 0)), (10, (10, 0, 0)))))
-    times = mesh_times(mesh, window, np.array([0.0, 1.0]))
-    found = world_positions(mesh, window, times)[:, 0, 0]
+    found = world_positions(mesh, window, np.array([0.0, 1.0]))[:, 0, 0]
     np.testing.assert_allclose(found, [2.75, 3.25])

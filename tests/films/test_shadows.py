@@ -26,6 +26,7 @@ from support.shadow_scenes import (
 from support.shadow_scenes import turning as turned
 
 import mbinterval as mb
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter, Texture
 
@@ -194,7 +195,7 @@ def test_shadows_are_those_of_rays_at_many_times(name):
     size, times = (16, 12), 192
     segments = 8 if "camera" in name else 1  # the twin sees a surface where it is in the world
     of, values = CASES[name](), {"texture_samples": 64, "motion_segments": segments}
-    truth = over_time(expose(of, 1.0, size[0] / size[1], segments), size, times)
+    truth = over_time(expose(of, 1.0, size[0] / size[1], Asked(segments=segments)), size, times)
     found = film(of, size, **values)[..., :3]
     without = film(of, size, shadows="off", **values)[..., :3]
     difference = np.abs(found - truth).max(axis=2)

@@ -34,7 +34,7 @@ def drawn(of: Scene | None = None, **values: object) -> Drawn:
     ready = ready_for(of, settings, *SIZE)
     exposure, plan = ready.exposure, ready.plan
     if of.shutter.rolling:
-        exposure = expose(of, 1.0, SIZE[0] / SIZE[1], None, SIZE[1])
+        exposure = expose(of, 1.0, SIZE[0] / SIZE[1], lines=SIZE[1])
     return drawn_in_frame(plan, exposure, *SIZE)
 
 
@@ -283,7 +283,7 @@ def test_the_shutter_curve_and_rolling_lines_place_samples_in_time():
         moving(), shutter=Shutter(rolling="down", line_offset=0.001, line_exposure=0.01)
     )
     of = drawn(rolling, samples=16)
-    roll = expose(rolling, 1.0, 1.5, None, SIZE[1]).roll
+    roll = expose(rolling, 1.0, 1.5, lines=SIZE[1]).roll
     assert roll is not None
     opened = roll.start + roll.step * np.arange(32)[None, :, None]
     assert (of.t >= opened - 1e-6).all()

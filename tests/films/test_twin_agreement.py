@@ -21,6 +21,7 @@ from support.nightly import nightly
 from support.random_triangles import CASES, CROPS, LIGHTS, MOVING_CAMERA, SIZE, everything, late
 
 import mbinterval as mb
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import Exposure, expose
 from mbinterval.plan.sampling import fixed_pattern
 from mbinterval.scene.formats.meshes.benchmark import read_benchmark
@@ -77,8 +78,8 @@ def compare(
     scene: Scene, size: tuple[int, int], settings: mb.Settings, crop: Crop | None = None
 ) -> Comparison:
     x, y, width, height = crop or (0, 0, *size)
-    counts = settings.motion_segments, 1, settings.motion_error, size[1]
-    exposure = expose(scene, 1.0, size[0] / size[1], *counts)
+    asked = Asked(settings.motion_segments, settings.motion_error, moment=settings.aov_time)
+    exposure = expose(scene, 1.0, size[0] / size[1], asked, height=size[1])
     paths = paths_of(exposure, *size, attributes=False)
     delicate = np.zeros(width * height, dtype=bool)
     for offset in fixed_pattern(settings.samples).astype(np.float64):

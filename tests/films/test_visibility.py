@@ -7,6 +7,7 @@ import pytest
 from reference import render as twin
 
 from mbinterval.errors import SceneError
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import expose
 from mbinterval.rendering.renderer import render
 from mbinterval.scene.formats.load import load
@@ -178,7 +179,7 @@ def test_positions_per_time_in_a_part_of_the_shutter_keep_their_corner():
         visible=stepped((0, 0), (0.3, 1)),
     )
     scene = Scene([mesh], CAMERA, shutter=Shutter(0.0, 1.0))
-    found = expose(scene, 0.0, WIDTH / HEIGHT, None, 1, 0.1, HEIGHT).meshes[0]
+    found = expose(scene, 0.0, WIDTH / HEIGHT, Asked(error=0.1), height=HEIGHT).meshes[0]
     times = found.open + np.arange(found.segments + 1) / found.segments * (1.0 - found.open)
     path = np.interp(np.linspace(0.3, 1.0, 999), times, found.positions[:, 0, 0])
     true = there[0, 0] + 2 * (1 - np.abs(2 * np.linspace(0.3, 1.0, 999) - 1))

@@ -36,7 +36,7 @@ class Paths:
     segment, segments
         ``(P,)`` k and K; K = 0 marks a static triangle, seen over the whole shutter.
     window
-        ``(P, 2)`` times from which and until which the mesh is there; its segments tile them.
+        ``(P, 2)`` times at which the path begins and ends.
     single_sided
         ``(P,)`` whether only the front is seen.
     color
@@ -67,15 +67,13 @@ class Paths:
 
     def time(self, path: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Global time of local times ``tau`` of segments of ``path``."""
-        part = (self.segment[path] + tau) / np.maximum(self.segments[path], 1)
         first, last = self.window[path, 0], self.window[path, 1]
-        return first + part * (last - first)
+        return first + tau * (last - first)
 
     def local(self, path: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Local times in [0, 1] of global times ``t`` within segments of ``path``."""
         first, last = self.window[path, 0], self.window[path, 1]
-        part = (t - first) / (last - first)
-        return np.clip(part * np.maximum(self.segments[path], 1) - self.segment[path], 0.0, 1.0)
+        return np.clip((t - first) / (last - first), 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,9 +204,8 @@ def to_pixels(
     world: np.ndarray, poses: CameraPoses, index: int, width: int, height: int
 ) -> np.ndarray:
     """World points ``(N, 3)`` in homogeneous pixel space at pose ``index``."""
-    p = (world - poses.eye[index]) @ poses.rotation[index].T
-    focal, w = poses.focal[index] * height, -p[:, 2]
-    return np.stack([focal * p[:, 0] + width / 2 * w, -focal * p[:, 1] + height / 2 * w, w], 1)
+    x, y, z = height * ((world - poses.eye[index]) @ poses.view[index].T).T
+    return np.stack([x - width / 2 / height * z, -y - z / 2, -z / height], 1)
 
 
 def _mesh_paths(
@@ -231,7 +228,7 @@ def _mesh_paths(
         points=_per_segment(pixels),
         segment=np.tile(np.arange(count), len(faces)),
         segments=np.full(total, mesh.segments),
-        window=np.tile([mesh.open, mesh.close], (total, 1)),
+        window=np.tile(_windows(mesh), (len(faces), 1)),
         single_sided=np.full(total, material is not None and not material.double_sided),
         color=np.repeat(face_color[:, :3].astype(np.float64) * base, count, axis=0),
         alpha=np.repeat(alpha, count),
@@ -239,6 +236,12 @@ def _mesh_paths(
         attributes=_per_segment(values),
         mesh=np.full(total, index),
     )
+
+
+def _windows(mesh: MeshExposure) -> np.ndarray:
+    """Times ``(K, 2)`` at which segments begin and end; a static mesh is there all the time."""
+    knots = mesh.knots if mesh.segments else mesh.knots[[0, -1]]
+    return np.stack([knots[:-1], knots[1:]], axis=1)
 
 
 def _per_segment(values: list[np.ndarray]) -> np.ndarray:

@@ -86,10 +86,9 @@ def nearest_paths(
     best = np.full(flat.t.shape, -1)
     depth = np.full(flat.t.shape, np.inf)
     for k in np.argsort(paths.segments > 0, kind="stable"):
-        count = max(int(paths.segments[k]), 1)
         low, high = paths.window[k]
-        place = (flat.t - low) / (high - low) * count - paths.segment[k]
-        last = paths.segment[k] == count - 1 and high >= 1.0
+        place = (flat.t - low) / (high - low)
+        last = high >= 1.0
         if paths.segments[k] == 0:
             place = np.zeros_like(place)
         on = np.flatnonzero((place >= 0) & ((place < 1) | last))

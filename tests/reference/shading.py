@@ -146,9 +146,9 @@ class Shader:
         segment = self.paths.segment[path]
         ends = []
         for pose in (segment, np.minimum(segment + 1, len(poses.eye) - 1)):
-            focal = poses.focal[pose] * height
-            p = np.stack([(x - width / 2) / focal, (height / 2 - y) / focal, -np.ones(len(x))], 1)
-            ends.append((poses.eye[pose], np.einsum("mi,mij->mj", p, poses.rotation[pose])))
+            p = np.stack([(x - width / 2) / height, 0.5 - y / height, -np.ones(len(x))], 1)
+            rays = np.linalg.solve(poses.view[pose], p[..., None])[..., 0]
+            ends.append((poses.eye[pose], rays))
         tau = self.paths.local(path, t)[:, None]
         (eye0, ray0), (eye1, ray1) = ends
         return eye0 + tau * (eye1 - eye0), ray0 + tau * (ray1 - ray0)

@@ -28,9 +28,8 @@ def world_of(exposure: Exposure, paths: Paths, size: tuple[int, int]) -> np.ndar
         for end in range(2):
             pose = min(int(paths.segment[k]) + end, int(paths.segments[k]))
             x, y, w = paths.points[k, end].T
-            focal = poses.focal[pose] * height
-            p = np.stack([(x - width / 2 * w) / focal, (height / 2 * w - y) / focal, -w], axis=1)
-            result[k, end] = poses.eye[pose] + p @ poses.rotation[pose]
+            p = np.stack([(x - width / 2 * w) / height, w / 2 - y / height, -w], axis=1)
+            result[k, end] = poses.eye[pose] + np.linalg.solve(poses.view[pose], p.T).T
     return result
 
 
@@ -59,8 +58,7 @@ def reaching(
         way, far = np.asarray(light.position) - position, 1.0
     for k in range(len(paths)):
         low, high = paths.window[k]
-        count = max(int(paths.segments[k]), 1)
-        place = (t - low) / (high - low) * count - paths.segment[k]
+        place = (t - low) / (high - low)
         there = (place >= 0) & (place <= 1) if paths.segments[k] else np.ones(len(t), bool)
         there &= own != k
         tau = np.clip(place, 0, 1)[there, None, None] if paths.segments[k] else 0.0
@@ -119,7 +117,7 @@ def render_shadows(exposure: Exposure, size: tuple[int, int], drawn: Drawn) -> n
 
 
 def _eye(exposure: Exposure, t: np.ndarray) -> np.ndarray:
-    first, last = exposure.cameras[1].eye
+    first, last = (poses.eye[0] for poses in exposure.path.ends)
     return (1 - t[:, None]) * first + t[:, None] * last
 
 

@@ -11,9 +11,10 @@ from support.nightly import nightly
 from support.vtk_gltf import vtk_positions
 
 from mbinterval.errors import SceneError, UsageError
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import expose
-from mbinterval.exposure.mesh_exposure import world_positions
 from mbinterval.exposure.shutter_times import Window
+from mbinterval.exposure.true_motion import world_positions
 from mbinterval.scene.formats.gltf.gltf import read_gltf
 from mbinterval.scene.formats.load import load
 from mbinterval.scene.model import Scene, Shutter
@@ -150,7 +151,7 @@ def test_a_joint_turns_on_its_arc_between_keys(tmp_path):
     gltf.node()
     gltf.animate(1, "rotation", [0, 1], [[0, 0, 0, 1], [0, 0, HALF, HALF]])
     scene = load(gltf.write(tmp_path / "a.glb"), fps=1.0)
-    mesh = expose(Scene(scene.meshes, shutter=Shutter(0, 1)), 0.0, 1.0, 8).meshes[0]
+    mesh = expose(Scene(scene.meshes, shutter=Shutter(0, 1)), 0.0, 1.0, Asked(segments=8)).meshes[0]
     angle = np.radians(90) * np.arange(9) / 8
     expected = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     np.testing.assert_allclose(mesh.positions[:, 0], expected, atol=1e-7)
@@ -349,6 +350,6 @@ def test_the_framing_camera_sees_the_whole_animation(tmp_path):
     scene = load(gltf.write(tmp_path / "a.glb"))
     for frame in (0.0, 12.0, 24.0):
         exposure = expose(scene, frame, 1.5)
-        poses = exposure.cameras[0]
+        poses = exposure.path.opening
         seen = (exposure.meshes[0].positions[0] - poses.eye[0]) @ poses.rotation[0].T
         assert (np.abs(seen[:, :2] / -seen[:, 2:] * poses.focal[0]) < [0.75, 0.5]).all()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mbinterval.errors import SceneError
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import expose
 from mbinterval.scene.model import Camera, Light, Material, Mesh, Scene, Shutter
 from mbinterval.scene.tracks import Track
@@ -21,7 +22,7 @@ def mesh(**fields):
 
 
 def exposed(*meshes, frame=0.0, camera=CAMERA, motion_segments=None, **scene):
-    return expose(Scene(meshes, camera, **scene), frame, 1.5, motion_segments)
+    return expose(Scene(meshes, camera, **scene), frame, 1.5, Asked(segments=motion_segments))
 
 
 def keyed(*pairs, **options):
@@ -38,9 +39,10 @@ def test_keys_are_sampled_at_the_ends_of_the_segments(segments):
     result = exposed(
         mesh(transform=MOVING), frame=3, shutter=shutter, motion_segments=segments
     ).meshes[0]
-    times = 3 - 0.5 + 1.5 * np.arange(segments + 1) / segments
+    times = 3 - 0.5 + 1.5 * result.knots
     expected = TRIANGLE + times[:, None, None] * (1, 2, 0)
     assert result.segments == segments
+    np.testing.assert_allclose(result.knots, np.arange(segments + 1) / segments, atol=1e-7)
     np.testing.assert_allclose(result.positions, expected, rtol=1e-15)
     late = exposed(mesh(transform=MOVING), frame=3.01, shutter=shutter, motion_segments=segments)
     assert np.abs(late.meshes[0].positions - expected).min(axis=(1, 2))[0] == 0
@@ -51,8 +53,7 @@ def test_a_mesh_s_own_segments_win_over_the_setting():
     meshes = [mesh(transform=MOVING, motion_segments=3), mesh(transform=MOVING)]
     result = exposed(*meshes, motion_segments=2)
     assert [m.segments for m in result.meshes] == [3, 2]
-    assert set(result.cameras) == {0, 1, 2, 3}
-    assert [len(result.cameras[k].eye) for k in (0, 1, 2, 3)] == [1, 2, 3, 4]
+    assert [len(m.poses.eye) for m in result.meshes] == [4, 3]
 
 
 def test_what_does_not_move_has_no_segments_and_one_time():
@@ -67,7 +68,7 @@ def test_what_does_not_move_has_no_segments_and_one_time():
     assert [len(m.positions) for m in result.meshes] == [1, 1, 1, 3]
     # After its last key the fourth mesh stands still as well.
     assert exposed(*meshes, frame=50).meshes[3].segments == 0
-    assert not result.camera_moves
+    assert not result.path.moves
 
 
 @pytest.mark.parametrize(
@@ -86,11 +87,11 @@ def test_what_does_not_move_has_no_segments_and_one_time():
 )
 def test_a_moving_camera_gives_static_meshes_segments(camera):
     result = exposed(mesh(), mesh(transform=MOVING), frame=0.5, camera=camera, motion_segments=4)
-    assert result.camera_moves
+    assert result.path.moves
     assert [m.segments for m in result.meshes] == [4, 4]
     assert [len(m.positions) for m in result.meshes] == [1, 5]
     still = exposed(mesh(), frame=5.0, camera=camera)
-    assert not still.camera_moves
+    assert not still.path.moves
     assert still.meshes[0].segments == 0
 
 
@@ -101,16 +102,17 @@ def test_camera_poses_are_those_of_their_time():
         fov=keyed((0, 90), (2, 60)),
     )
     poses = exposed(camera=camera, frame=1, shutter=Shutter(-1, 1), motion_segments=2)
-    np.testing.assert_array_equal(poses.cameras[1].eye[:, 0], [0, 2])
+    ends = poses.path.ends
+    np.testing.assert_array_equal([end.eye[0, 0] for end in ends], [0, 2])
     focal = 0.5 / np.tan(np.radians([90, 60]) / 2)
-    np.testing.assert_allclose(poses.cameras[1].focal, focal)
-    np.testing.assert_allclose(poses.cameras[1].rotation[0], np.eye(3), atol=1e-8)
+    np.testing.assert_allclose([end.focal[0] for end in ends], focal)
+    np.testing.assert_allclose(ends[0].rotation[0], np.eye(3), atol=1e-8)
 
 
 def test_a_camera_transform_is_the_pose_whatever_its_scale():
     half = np.sqrt(0.5)
     transform = Transform((1, 2, 3), (0, half, 0, half), (5, 5, 5))  # looks along -x
-    poses = exposed(camera=Camera(transform=transform)).cameras[0]
+    poses = exposed(camera=Camera(transform=transform)).path.opening
     np.testing.assert_array_equal(poses.eye, [[1, 2, 3]])
     np.testing.assert_allclose(poses.rotation[0] @ [-1, 0, 0], [0, 0, -1], atol=1e-15)
 
@@ -122,7 +124,7 @@ def test_apertures():
         ({"focal_length": 35.0, "horizontal_aperture": 36.0}, 35 / (36 / 1.5)),
         ({"fov": 90.0}, 0.5),
     ]:
-        assert exposed(camera=Camera(**fields)).cameras[0].focal[0] == pytest.approx(focal)
+        assert exposed(camera=Camera(**fields)).path.opening.focal[0] == pytest.approx(focal)
 
 
 def test_attributes_may_be_given_per_time():
@@ -191,14 +193,14 @@ def test_invisible_and_empty_meshes_are_left_out():
 def test_an_empty_scene_can_be_exposed():
     result = expose(Scene(meshes=[]), 1.0, 1.5)
     assert result.meshes == ()
-    assert not result.camera_moves
+    assert not result.path.moves
 
 
 def test_a_missing_camera_frames_the_scene_and_says_so():
     far = np.array([[100.0, 0, 0], [104, 0, 0], [100, 3, 0]])
     result = exposed(mesh(positions=far), camera=None)
     assert "no camera: one that frames the scene was made" in result.notes
-    poses = result.cameras[0]
+    poses = result.path.opening
     seen = (far - poses.eye[0]) @ poses.rotation[0].T
     assert (seen[:, 2] < 0).all()
     assert np.abs(seen[:, :2] / seen[:, 2:] * poses.focal[0]).max() < 0.5

@@ -360,10 +360,9 @@ def test_camera_moves_with_its_node(tmp_path):
     assert scene.camera.name == "cam"
     assert scene.camera.fov == pytest.approx(50.0)
     exposure = expose(scene, 12.0, 1.5)
-    assert exposure.camera_moves
-    np.testing.assert_allclose(
-        exposure.cameras[1].eye, [[11.75 / 24, 0, 3], [12.25 / 24, 0, 3]], atol=1e-7
-    )
+    assert exposure.path.moves
+    eyes = [poses.eye[0] for poses in exposure.path.ends]
+    np.testing.assert_allclose(eyes, [[11.75 / 24, 0, 3], [12.25 / 24, 0, 3]], atol=1e-7)
 
 
 def test_lights_in_lux_and_candela(tmp_path):

@@ -118,7 +118,7 @@ WRONG = [
     (camera, LENS | {"foreground_blur": NAN}, "camera 'c': foreground_blur=nan", "from 0"),
     (mb.Camera, {"name": 3}, "camera: name=3", "a text"),
     (mb.Shutter, {"open": "a"}, "shutter: open='a'", "finite number"),
-    (mb.Shutter, {"open": 0.5, "close": 0}, "shutter: open=0.5, close=0", "open < close"),
+    (mb.Shutter, {"open": 0.5, "close": 0}, "shutter: open=0.5, close=0", "open <= close"),
     (mb.Shutter, {"curve": None}, "shutter: curve=None", "array of numbers"),
     (mb.Shutter, {"curve": [1]}, "shutter: curve=[1]", "2 to 1024 values"),
     (mb.Shutter, {"opening": "x"}, "shutter: opening='x'", "up to 1"),

@@ -70,12 +70,17 @@ def test_euler_keys_make_the_turns_that_they_say(turn):
         np.testing.assert_allclose(transform.at(frame)[:3, :3], expected, atol=1e-12)
 
 
-def test_euler_keys_under_half_a_turn_are_slerped():
-    keys = [{"frame": 0, "euler": [0, 0, 0]}, {"frame": 1, "euler": [60, 80, 0]}]
-    track = transform_of(keys=keys).rotation
-    assert len(track.frames) == 2
-    expected = slerp(track.values[0], track.values[1], 0.3)
-    np.testing.assert_allclose(track.at(0.3), expected, atol=1e-15)
+@pytest.mark.parametrize("order", ["xyz", "xzy", "yxz", "yzx", "zxy", "zyx"])
+def test_each_euler_angle_goes_its_own_way(order):
+    start, end = np.array([10.0, -20.0, 5.0]), np.array([180.0, 150.0, -700.0])
+    keys = [{"frame": 0, "euler": start.tolist()}, {"frame": 1, "euler": end.tolist()}]
+    transform = transform_of(keys=keys, euler_order=order)
+    expected = np.eye(3)
+    for axis in order:
+        index = "xyz".index(axis)
+        angle = 0.7 * start[index] + 0.3 * end[index]
+        expected = about(np.eye(3)[index], angle) @ expected
+    np.testing.assert_allclose(transform.at(0.3)[:3, :3], expected, atol=1e-12)
 
 
 def test_step_keys_hold_the_latest_value():

@@ -11,9 +11,10 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 from support.usd_files import QUAD, bind, new_stage, preview, quad, texture_file, textured
 
 from mbinterval.errors import SceneError, UsageError
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import expose
-from mbinterval.exposure.mesh_exposure import world_positions
 from mbinterval.exposure.shutter_times import Window
+from mbinterval.exposure.true_motion import world_positions
 from mbinterval.rendering.renderer import render
 from mbinterval.scene.formats.load import load
 from mbinterval.scene.formats.usd.usd import read_usd
@@ -100,7 +101,9 @@ def test_xform_ops_are_evaluated_between_their_samples(tmp_path):
     np.testing.assert_allclose(
         places(found, 5.0)[0], [2 * np.cos(angle), 2 * np.sin(angle), 5], atol=1e-12
     )
-    exposure = expose(Scene([found], shutter=Shutter(0, 10)), 0.0, 1.0, None, 1, 0.1, 480)
+    exposure = expose(
+        Scene([found], shutter=Shutter(0, 10)), 0.0, 1.0, Asked(error=0.1), height=480
+    )
     assert exposure.meshes[0].segments > 4
     mesh.SetResetXformStack(True)
     (alone,) = read(stage).meshes
@@ -143,7 +146,9 @@ def test_velocities_and_accelerations_lead_on_from_the_frame_s_sample(tmp_path):
         np.testing.assert_allclose(
             places(found, frame, base=1.0), np.array(QUAD) + moved, atol=1e-5
         )
-    exposed = expose(Scene([found], shutter=Shutter(-0.5, 0.5)), 1.0, 1.0, 2).meshes[0]
+    exposed = expose(
+        Scene([found], shutter=Shutter(-0.5, 0.5)), 1.0, 1.0, Asked(segments=2)
+    ).meshes[0]
     np.testing.assert_allclose(exposed.positions[:, 0, 0], [0.0, 1.0, 2.0], atol=1e-6)
     np.testing.assert_allclose(exposed.positions[:, 0, 1], [0.125, 0.0, 0.125], atol=1e-6)
 
@@ -232,7 +237,7 @@ def test_cameras_with_lens_and_shutter(tmp_path):
     stage.Save()
     scene = load(tmp_path / "a.usda")
     assert (scene.fps, scene.shutter.open, scene.shutter.close) == (48.0, -0.5, 1.0)
-    poses = expose(Scene(scene.meshes, scene.camera, shutter=Shutter(0, 1)), 24.0, 1.5).cameras[0]
+    poses = expose(Scene(scene.meshes, scene.camera, shutter=Shutter(0, 1)), 24.0, 1.5).path.opening
     np.testing.assert_allclose(poses.focal, [45.0 / 15.0])
     # The lens is focal length over f-stop wide, in tenths of a world unit.
     np.testing.assert_allclose(poses.aperture, [45.0 * 0.1 / 2.0 / 2.0])
@@ -240,7 +245,9 @@ def test_cameras_with_lens_and_shutter(tmp_path):
     np.testing.assert_allclose(poses.eye, [[0, 0, 10]])
     halved = load(tmp_path / "a.usda", fps=24)
     assert (halved.fps, halved.shutter.open, halved.shutter.close) == (24.0, -0.25, 0.5)
-    poses = expose(Scene(halved.meshes, halved.camera, shutter=Shutter(0, 1)), 12.0, 1.5).cameras[0]
+    poses = expose(
+        Scene(halved.meshes, halved.camera, shutter=Shutter(0, 1)), 12.0, 1.5
+    ).path.opening
     np.testing.assert_allclose(poses.focal, [45.0 / 15.0])
     camera.CreateFStopAttr(0.0)
     assert read(stage).camera.f_stop is None

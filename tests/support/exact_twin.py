@@ -7,6 +7,7 @@ from reference.render import Image, render
 from reference.stacks import render_stacks
 
 import mbinterval as mb
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import Exposure, expose
 from mbinterval.plan.sampling import fixed_pattern
 from mbinterval.scene.model import Scene
@@ -34,8 +35,8 @@ def twin(
 
 
 def exposed(scene: Scene, settings: mb.Settings, size: tuple[int, int] = SIZE) -> Exposure:
-    counts = settings.motion_segments, 1, settings.motion_error, size[1]
-    return expose(scene, 1.0, size[0] / size[1], *counts)
+    asked = Asked(settings.motion_segments, settings.motion_error, moment=settings.aov_time)
+    return expose(scene, 1.0, size[0] / size[1], asked, height=size[1])
 
 
 def rms(error: np.ndarray) -> float:

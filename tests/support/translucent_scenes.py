@@ -10,6 +10,7 @@ from reference.render import Image
 from reference.stacks import render_stacks
 
 import mbinterval as mb
+from mbinterval.exposure.asked import Asked
 from mbinterval.exposure.exposure import expose
 from mbinterval.plan.sampling import fixed_pattern
 from mbinterval.scene.model import Camera, Material, Mesh, Scene, Texture
@@ -88,7 +89,9 @@ def made(name: str, seed: int) -> tuple[Scene, mb.Settings]:
 
 
 def twin(of: Scene, settings: mb.Settings, by: float = 0.0) -> Image:
-    exposure = expose(of, 1.0, SIZE[0] / SIZE[1], None, 1, settings.motion_error, SIZE[1])
+    exposure = expose(
+        of, 1.0, SIZE[0] / SIZE[1], Asked(error=settings.motion_error), height=SIZE[1]
+    )
     with np.errstate(invalid="ignore", divide="ignore"):  # what is seen edge-on
         return render_stacks(
             late(exposure, by) if by else exposure, *SIZE,

@@ -159,7 +159,6 @@ def test_what_is_in_focus_does_not_depend_on_how_a_mesh_is_cut(limit):
     assert np.abs(away)[..., 3].max() < 0.03
 
 
-
 def test_a_focus_pull_counts_in_motion_error():
     pull = Camera(
         position=(0, 0, 4), fov=40.0, f_stop=0.3, meters_per_unit=0.04,
@@ -177,7 +176,6 @@ def test_a_focus_pull_counts_in_motion_error():
 # Motion
 
 
-
 def test_a_decal_on_a_turning_body_is_all_seen():
     turn = [[0, 0, 0, 1], [0, np.sin(np.pi / 12), 0, np.cos(np.pi / 12)]]
     place = Transform(rotation=Track([-0.25, 0.25], turn, "linear", True))
@@ -189,12 +187,10 @@ def test_a_decal_on_a_turning_body_is_all_seen():
     assert alpha - given == pytest.approx(alpha - right, rel=0.05)
 
 
-
 def test_motion_between_the_ends_of_the_shutter_is_seen():
     keys = Track([-0.185, -0.1575, -0.13], [[0, 0, 0], [1.0, 0, 0], [0, 0, 0]])
     square = quad(-0.5, 0.5, high=0.5, transform=Transform(translation=keys))
     assert np.abs(shown(Scene([square], STILL)) - seen(Scene([square], STILL))).max() < 0.05
-
 
 
 def test_a_scale_through_zero_turns_fronts_where_its_sign_does():
@@ -202,7 +198,6 @@ def test_a_scale_through_zero_turns_fronts_where_its_sign_does():
     front = Material(shading="unlit", double_sided=False)
     scene = Scene([quad(-1, 1, material=front, transform=Transform(scale=scale))], STILL)
     assert np.abs(shown(scene) - seen(scene))[..., 3].max() < 0.05
-
 
 
 def test_a_mirrored_camera_mirrors_the_picture():

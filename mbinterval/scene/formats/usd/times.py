@@ -217,8 +217,12 @@ class PrimPlace(OfStage):
 
 def prim_place(prim: Any, clock: Clock, root: Placement | None) -> PrimPlace:
     """Place of ``prim``; whether it moves follows from all its ancestors' xformOps."""
+    from pxr import UsdGeom
+
     place = PrimPlace(prim, clock, root)
-    place.at(0.0)  # broken xformOps are told of while the file is read
+    with reading_prim(prim.GetPath()):  # broken xformOps are told of while the file is read
+        UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(clock.code(0.0))
+        place.at(0.0)
     return place
 
 
