@@ -338,7 +338,7 @@ _LEAST_WEIGHT = 0.02
 
 def _some_vertices(mesh: Mesh) -> NDArray[np.integer[Any]]:
     """Vertices of faces: all, or of very many some, with the outermost ones."""
-    used = np.unique(mesh.faces)
+    used = np.flatnonzero(np.bincount(mesh.faces.ravel()))
     if len(used) <= _VERTICES:
         return used
     rest = mesh.positions[0] if mesh.positions.ndim == 3 else mesh.positions

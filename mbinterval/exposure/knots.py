@@ -141,19 +141,16 @@ def _reach(
 ) -> list[int]:
     """Knots after ``first`` up to ``last``: each as far as the limit allows, then spread evenly."""
     found: list[int] = []
-    start = first
+    start, stride = first, 1
     while start < last and len(found) <= most:
         near, far = start + 1, last
         if bound(start, last) > limit:
-            step = 1
-            while start + 2 * step < last and bound(start, start + 2 * step) <= limit:
-                step *= 2
-            near, far = start + step, min(start + 2 * step, last)
+            near, far = _bracket(bound, limit, start, stride, last)
             while far - near > 1:
                 middle = (near + far) // 2
                 near, far = (middle, far) if bound(start, middle) <= limit else (near, middle)
             far = near
-        start = far
+        stride, start = far - start, far
         found.append(start)
     if found[-1] != last or len(found) < 2:
         return found
@@ -161,6 +158,25 @@ def _reach(
     if len(even) == len(found) + 1 and max(map(bound, even[:-1], even[1:])) <= limit:
         return even[1:]
     return found
+
+
+def _bracket(
+    bound: Callable[[int, int], float], limit: float, start: int, stride: int, last: int
+) -> tuple[int, int]:
+    """A sample that the ``limit`` lets reach, or the next one, and a later one that it doesn't.
+
+    The search begins a ``stride`` after ``start``: motion is much the same from knot to knot.
+    """
+    near, far = start + 1, min(start + stride, last)
+    step = 1
+    while far < last and bound(start, far) <= limit:
+        near, far, step = far, min(far + step, last), 2 * step
+    step = 1
+    while far - step > near:
+        if bound(start, far - step) <= limit:
+            return far - step, far
+        far, step = far - step, 2 * step
+    return near, far
 
 
 def _equal(times: Float64, ends: list[int], count: int) -> list[int]:

@@ -167,9 +167,9 @@ class Source:
         values, scales = seeing.followed(times, points, stretch)
 
         def measure(which: slice, errors: Float64) -> Float64:
-            return np.asarray(
-                np.linalg.norm(errors * scales[which], axis=2).max(axis=1, initial=0.0)
-            )
+            pixels = errors * scales[which]
+            squares = np.einsum("snx,snx->sn", pixels, pixels)
+            return np.asarray(np.sqrt(squares.max(axis=1, initial=0.0)))
 
         return Followed(times, values, corners, measure)
 

@@ -190,9 +190,11 @@ class Camera(Frozen):
             if value is not None and keyed(value, (), f"{where}: {name}") is None:
                 value = field_values.number(value, f"{where}: {name}", above=0.0, below=end)
                 freeze(self, **{name: value})
-            elif value is not None and not (0.0 < value.values.min() <= value.values.max() < end):
+            elif value is not None and not (0.0 < value.range[0] <= value.range[1] < end):
                 below = f" and below {end:g}" if end < np.inf else ""
-                raise SceneError(f"{where}: {name} has keys that are not above 0{below}")
+                raise SceneError(
+                    f"{where}: {name} has keys, or handles of them, that are not above 0{below}"
+                )
         self._check_lens(where)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -31,9 +31,9 @@ class Track(Frozen):
     frames
         ``(n,)`` strictly increasing key times in frames.
     values
-        ``(n,)`` or ``(n, d)``; for ``"cubic"`` ``(n, 3, d)``: at each key the tangent before it,
-        the value, and the tangent after it, tangents per frame. Quaternions are x, y, z, w, as in
-        glTF; Euler angles degrees.
+        ``(n,)`` or ``(n, d)``; for ``"cubic"`` ``(n, 3)`` or ``(n, 3, d)``: at each key the tangent
+        before it, the value, and the tangent after it, tangents per frame. Quaternions are x, y, z,
+        w, as in glTF; Euler angles degrees.
     interpolation
         ``"linear"``, ``"step"`` (the value of the latest key) or ``"cubic"`` (Hermite, as glTF's
         CUBICSPLINE).
@@ -67,8 +67,10 @@ class Track(Frozen):
             self.interpolation, INTERPOLATIONS, "track: interpolation"
         )
         cubic = interpolation == "cubic"
-        if cubic and (values.ndim != 3 or values.shape[1] != 3):
-            raise SceneError(f"track: cubic values have shape {values.shape}, expected (n, 3, d)")
+        if cubic and values.shape[1:2] != (3,):
+            raise SceneError(
+                f"track: cubic values have shape {values.shape}, expected (n, 3) or (n, 3, d)"
+            )
         if field_values.flag(self.quaternion, "track: quaternion"):
             values = _unit_keys(values, cubic)
         field_values.freeze(self, frames=frames, values=values, interpolation=interpolation)
@@ -102,6 +104,17 @@ class Track(Frozen):
             return []
         changed = np.diff(self.values.reshape(len(self.values), -1), axis=0).any(axis=1)
         return [float(frame) for frame in self.frames[1:][changed]]
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Numbers that no value is below or above: of a cubic those of its Bezier handles."""
+        values = self.values
+        if self.interpolation == "cubic":
+            thirds = np.diff(self.frames).reshape(-1, *(1,) * (values.ndim - 2)) / 3.0
+            leaving = values[:-1, 1] + thirds * values[:-1, 2]
+            arriving = values[1:, 1] - thirds * values[1:, 0]
+            values = np.concatenate([values[:, 1], leaving, arriving])
+        return float(values.min()), float(values.max())
 
     @property
     def source(self) -> tuple[Any, ...]:

@@ -57,12 +57,27 @@ def rotations(quaternions: np.ndarray) -> np.ndarray:
     return np.eye(3) + 2.0 * w[:, None, None] * cross + 2.0 * cross @ cross
 
 
+def turned(value: Any, frames: np.ndarray) -> np.ndarray:
+    """``(T, 3, 3)`` of a node's rotation: of quaternions, or of Euler angles by Rodrigues."""
+    angles = at(value, frames)
+    if not getattr(value, "euler", ""):
+        return rotations(angles)
+    found = np.broadcast_to(np.eye(3), (len(frames), 3, 3))
+    for letter in value.euler:
+        axis = "xyz".index(letter)
+        k = np.zeros((3, 3))
+        k[(axis + 2) % 3, (axis + 1) % 3], k[(axis + 1) % 3, (axis + 2) % 3] = 1.0, -1.0
+        a = np.radians(angles[:, axis])[:, None, None]
+        found = (np.eye(3) + np.sin(a) * k + (1.0 - np.cos(a)) * k @ k) @ found
+    return found
+
+
 def matrices(node: Any, frames: np.ndarray) -> np.ndarray:
     """World matrices ``(T, 4, 4)`` of a node: parent * translation * rotation * scale * matrix."""
     if node is None:
         return np.broadcast_to(np.eye(4), (len(frames), 4, 4))
     local = np.zeros((len(frames), 4, 4))
-    turn = rotations(at(node.rotation, frames))
+    turn = turned(node.rotation, frames)
     local[:, :3, :3] = turn * at(node.scale, frames)[:, None, :]
     local[:, :3, 3] = at(node.translation, frames)
     local[:, 3, 3] = 1.0

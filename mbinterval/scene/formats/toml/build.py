@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mbinterval.errors import SceneError
 from mbinterval.files.images import read_image, undecoded
@@ -181,6 +182,8 @@ def _cameras(
     return found, [f"no [camera]: camera {found[0].camera.name!r} of a model is used"]
 
 
+Float64 = NDArray[np.float64]
+
 _TEXTURES = ("texture", "metallic_roughness_texture", "emission_texture")
 """Fields of a material that are images."""
 
@@ -309,5 +312,41 @@ def _keyed(
     given = [(frame, value) for frame, value in pairs if value is not None]
     if not given:
         return None
-    frames, values = zip(*given, strict=True)
-    return Track(np.array(frames), np.array(values), interpolation, quaternion)
+    frames, values = map(np.array, zip(*given, strict=True))
+    if interpolation == "cubic":
+        handles = [
+            [getattr(side, name) if side is not None else None for side in (key.before, key.after)]
+            for key in keys
+            if getattr(key, name) is not None
+        ]
+        values = cubic_values(frames, values.astype(np.float64), handles, quaternion)
+    return Track(frames, values, interpolation, quaternion)
+
+
+def cubic_values(
+    frames: Float64,
+    values: Float64,
+    handles: Sequence[Sequence[Any]],
+    quaternion: bool = False,
+) -> Float64:
+    """Keys ``(n, 3, ...)`` with tangents, as `Track` has them, from values ``(n, ...)``.
+
+    ``handles`` of each key are the values of its Bezier handles before and after it, a third of the
+    way in time to the next key, or None. Without, the curve goes through the key as the line
+    between its neighbours does (Catmull & Rom 1974).
+    """
+    if quaternion:  # the shorter way
+        turned = np.cumprod(np.append(1.0, np.sign(np.sum(values[1:] * values[:-1], axis=1))))
+        values = values * np.where(turned == 0.0, 1.0, turned)[:, None]
+    last = len(values) - 1
+    tangents = np.zeros((2, *values.shape))
+    for key in range(len(values)):
+        low, high = max(key - 1, 0), min(key + 1, last)
+        if high > low:
+            tangents[:, key] = (values[high] - values[low]) / (frames[high] - frames[low])
+        before, after = handles[key]
+        if before is not None and key > 0:
+            tangents[0, key] = 3.0 * (values[key] - before) / (frames[key] - frames[key - 1])
+        if after is not None and key < last:
+            tangents[1, key] = 3.0 * (after - values[key]) / (frames[key + 1] - frames[key])
+    return np.stack([tangents[0], values, tangents[1]], axis=1)

@@ -144,7 +144,7 @@ NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 Angle = Annotated[float, Field(gt=0, lt=180)]
 Count = Annotated[int, Field(ge=1)]
 Pixels = Annotated[int, Field(ge=1, le=65536)]
-Interpolation = Literal["linear", "step"]
+Interpolation = Literal["linear", "step", "cubic"]
 
 
 class Table(BaseModel):
@@ -153,14 +153,21 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
-class TransformKey(Table):
-    """Any of translation, rotation (or euler) and scale at a frame."""
+class TransformHandle(Table):
+    """Values of Bezier handles of keys, a third of the way in time to the next key."""
 
-    frame: float
     translation: Vec3 | None = None
     rotation: Rotation | None = None
     euler: Vec3 | None = None
     scale: Scale | None = None
+
+
+class TransformKey(TransformHandle):
+    """Any of translation, rotation (or euler) and scale at a frame; handles on both sides of it."""
+
+    frame: float
+    before: TransformHandle | None = None
+    after: TransformHandle | None = None
 
 
 class TransformTable(Table):
@@ -175,10 +182,9 @@ class TransformTable(Table):
     keys: list[TransformKey] = Field(default_factory=list)
 
 
-class CameraKey(Table):
-    """Any of the camera's fields that can be keyed, at a frame."""
+class CameraHandle(Table):
+    """Values of Bezier handles of keys, a third of the way in time to the next key."""
 
-    frame: float
     position: Vec3 | None = None
     look_at: Vec3 | None = None
     up: Direction | None = None
@@ -186,6 +192,14 @@ class CameraKey(Table):
     focal_length: Positive | None = None
     f_stop: Positive | None = None
     focus_distance: Positive | None = None
+
+
+class CameraKey(CameraHandle):
+    """Any of the camera's fields that can be keyed, at a frame; handles on both sides of it."""
+
+    frame: float
+    before: CameraHandle | None = None
+    after: CameraHandle | None = None
 
 
 class CameraTable(Table):

@@ -176,8 +176,16 @@ def _transform(path: str, transform: Mapping[str, Any]) -> Iterator[Problem]:
 
 def _keys(path: str, table: Mapping[str, Any]) -> Iterator[Problem]:
     """Keys come in order of time, and a field is constant or keyed, not both."""
-    yield from _in_order(f"{path}.keys", table.get("keys"))
-    keyed = set().union(*map(_mapping, _list(table.get("keys"))))
+    keys = [_mapping(key) for key in _list(table.get("keys"))]
+    yield from _in_order(f"{path}.keys", keys)
+    for index, key in enumerate(keys):
+        for side in ("before", "after"):
+            where, handles = f"{path}.keys[{index}].{side}", _mapping(key.get(side))
+            if side in key and table.get("interpolation") != "cubic":
+                yield where, "handles need interpolation = 'cubic'"
+            for name in handles.keys() - key.keys():
+                yield f"{where}.{name}", f"a handle of a key without {name}; give both"
+    keyed = set().union(*keys)
     for name in table:
         if name in keyed:
             yield f"{path}.{name}", "is given here and in keys; give it in one place"
