@@ -97,11 +97,14 @@ def test_its_table_of_layers_is_complete():
 
 
 def test_its_scene_file_is_valid(tmp_path):
-    text, rolling = blocks("toml")
+    text, keys, rolling = blocks("toml")
     (tmp_path / "box.toml").write_text(text)
     loaded = load_file(tmp_path / "box.toml")
     assert [mesh.name for mesh in loaded.scene.meshes] == ["box", "floor"]
     assert loaded.render.frames == "1-24"
+    (tmp_path / "keys.toml").write_text(f"[[objects]]\nprimitive = {{ kind = 'plane' }}\n{keys}")
+    (plane,) = load_file(tmp_path / "keys.toml").scene.meshes
+    assert plane.transform.translation.interpolation == "cubic"
     (tmp_path / "rolling.toml").write_text(rolling)
     assert load_file(tmp_path / "rolling.toml").scene.shutter.rolling == "down"
 
