@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mbinterval.exposure.asked import Asked
-from mbinterval.exposure.bodies import Bodies, Body, some_points
+from mbinterval.exposure.bodies import Body, some_points
 from mbinterval.exposure.camera_path import View, camera_path, moves
+from mbinterval.exposure.hierarchy import Hierarchy
 from mbinterval.exposure.mesh_exposure import MeshExposure, expose_body
 from mbinterval.exposure.mirrors import Mirror, reflected, seen_in
 from mbinterval.exposure.poses import CameraPoses, bent_axes
@@ -31,8 +32,8 @@ class Cut:
 
     def __init__(self, view: View, meshes: Mapping[int, Mesh], asked: Asked) -> None:
         self.view, self.meshes, self.asked = view, meshes, asked
-        self.bodies = Bodies(view.window, list(meshes.values()))
-        self.levels = max((source.level for source in self.bodies.sources), default=0)
+        self.hierarchy = Hierarchy(view.window, list(meshes.values()))
+        self.levels = max((source.level for source in self.hierarchy.sources), default=0)
         self.path = camera_path(view, self._nearest(), asked, 1 + self.levels)
         self._poses: dict[tuple[bytes, Stretch], CameraPoses] = {}
         self.see_in(())
@@ -41,7 +42,7 @@ class Cut:
         """Cut all sources, as they are seen in ``mirrors`` too."""
         matrices = np.array([mirror.matrix for mirror in mirrors]).reshape(-1, 4, 4)
         seeing = Seeing(self.path, self.view.aspect, self.view.height, matrices)
-        for source in self.bodies.sources:
+        for source in self.hierarchy.sources:
             source.cut(seeing, self.asked)
 
     def mirroring(self) -> Iterator[MeshExposure]:
@@ -77,7 +78,7 @@ class Cut:
         worst = self.path.deviation
         named = "the camera"
         for mesh in self.meshes.values():
-            for source in self.bodies.of(mesh).sources:
+            for source in self.hierarchy.of(mesh).sources:
                 if source.deviation > worst:
                     worst, named = source.deviation, f"mesh {mesh.name!r}"
         if self.asked.segments is None and worst > self.asked.error:
@@ -89,7 +90,7 @@ class Cut:
         return found
 
     def _mesh(self, index: int, mesh: Mesh) -> Iterator[MeshExposure]:
-        body = self.bodies.of(mesh)
+        body = self.hierarchy.of(mesh)
         for stretch in self._stretches(body):
             knots = self._knots(body, stretch)
             turns = body.turns(knots, stretch)

@@ -265,10 +265,11 @@ def test_an_instant_is_a_picture(method):
 # Windings and cameras
 
 
-def test_winding_follows_the_determinant_at_each_moment():
+@pytest.mark.parametrize("inner", [(), ((0.5, (0, 1, 1)),)])
+def test_winding_follows_the_determinant_at_each_moment(inner):
     """Single-sided, scaled from 1 to -1: its outer side stays outside, so that it is seen."""
     front = Material(shading="unlit", double_sided=False)
-    flip = Transform(scale=keys((0, (1, 1, 1)), (1, (-1, 1, 1))))
+    flip = Transform(scale=keys((0, (1, 1, 1)), *inner, (1, (-1, 1, 1))))
     plate = rectangle(-0.8, 0.8, -0.8, 0.8, material=front, transform=flip)
     scene = Scene([plate], STILL, shutter=WHOLE)
     right = seen(scene, (80, 60), centre=True).rgba[..., 3].mean(axis=0)
