@@ -93,8 +93,8 @@ static Colors mirrored_along(const Tile *tile, const Viewer *viewer, Span mirror
 {
 #if SKY()
     Gaze gaze = gaze_at(viewer->place, mesh_of(&tile->scene, mirror.source)->mirror);
-    Lanes3 ways = ways_of(tile, &gaze, times_of(stretch, places));
-    Lanes3 light = sky_light(&tile->scene, ways, places.count);
+    Patches at = sky_patches(&tile->scene, &gaze, times_of(stretch, places));
+    Lanes3 light = sky_light(&tile->scene, &at, places.count);
     Colors behind = {light.x, light.y, light.z};
 #else
     float4 same = mirrored_behind(tile, viewer, mirror, (float2)(stretch.t0, stretch.t1));

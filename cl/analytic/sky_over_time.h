@@ -1,11 +1,12 @@
 // The environment where a sample's spans leave it open: its mean over that time, as the camera
 // moves.
 //
-// It is looked up in the middles of equal parts of the time, at first no further apart than texels
-// are, each weighed with the light that no span takes from it. The error is 1/24 of the mean
+// It is looked up in the middles of equal parts of the time, sixteen of them at first, each weighed
+// with the light that no span takes from it. Where patches that are looked up lie further apart than
+// they are wide the time is halved, and each half treated alike. The error is 1/24 of the mean
 // second difference where light changes smoothly, and no more than 1/8 of its size where it has a
-// corner, as quadrature.h has it; where the latter is above `shading_error` there are twice as many
-// parts, up to eight per texel.
+// corner, as quadrature.h has it; where the latter is above `shading_error`, or light that lies next
+// to the patches may have been missed, the time is halved as well, down to a share of a patch.
 #ifndef MB_SKY_OVER_TIME_H
 #define MB_SKY_OVER_TIME_H
 
@@ -13,33 +14,9 @@
 #include "analytic/line_window.h"
 #include "shared/gaze.h"
 
-#define MOST_SKY_PARTS 4096
+#define MOST_SKY_PARTS (LANES << 11)
+#define LEAST_SKY_PART (1.0f / 256) // patches
 #define NO_SKY 1e-6f // openness below which it is rounding
-
-static INLINED Lanes3 ways_of(const Tile *tile, const Gaze *gaze, Lanes t)
-{
-    return lanes_unit(sky_ways(&tile->scene, gaze, t));
-}
-
-static INLINED Lanes sky_times(float t0, float t1, int first, int parts)
-{
-    return t0 + (t1 - t0) * ((first + 0.5f + LANE_INDEX) / parts);
-}
-
-// At least as many parts of the time as texels pass, in sixteens, or one where the camera does not
-// turn.
-static int sky_parts(const Tile *tile, const Gaze *gaze, float t0, float t1)
-{
-    Lanes3 way = ways_of(tile, gaze, sky_times(t0, t1, 0, LANES));
-    const float *x = &LANE(float, way.x, 0), *y = &LANE(float, way.y, 0);
-    const float *z = &LANE(float, way.z, 0);
-    float turn = 0.0f; // of all but the first and the last half of a sixteenth
-    for (int i = 1; i < LANES; i++)
-        turn += length((float3)(x[i] - x[i - 1], y[i] - y[i - 1], z[i] - z[i - 1]));
-    if (!(turn > 0.0f)) return 1;
-    float texels = 0.5f * turn * (LANES / (LANES - 1.0f)) * tile->scene.maps[0].size[0];
-    return LANES * min((int)ceil(texels / LANES), MOST_SKY_PARTS / LANES);
-}
 
 // Whether a span is the first of its stack: the others take the same light.
 static inline bool leads(global const Span *spans, uint i)
@@ -58,20 +35,53 @@ typedef struct {
     uint count;
 } Opening;
 
-// Light of the window that passes from t0 to t1 and that none of the spans takes.
-static float light_left(const Tile *tile, const Opening *o, float t0, float t1)
+// Sixteen of `count` equal parts of an opening's time, from `first` on.
+typedef struct {
+    int first, count;
+} SkyParts;
+
+static inline float part_edge(const Opening *o, SkyParts p, int i)
 {
-    const Scene *scene = &tile->scene;
-    float left = light_until(scene, o->window, t1) - light_until(scene, o->window, t0);
-    for (uint i = 0; i < o->count; i++) {
-        float from = fmax(t0, o->spans[i].t0), to = fmin(t1, o->spans[i].t1);
-        if (leads(o->spans, i) && from < to)
-            left -= light_until(scene, o->window, to) - light_until(scene, o->window, from);
-    }
-    return fmax(left, 0.0f);
+    return o->times.x + (o->times.y - o->times.x) * ((float)(p.first + i) / p.count);
 }
 
-// Whether sixteen places tell their mean well enough.
+static INLINED Lanes part_middles(const Opening *o, SkyParts p)
+{
+    return o->times.x + (o->times.y - o->times.x) * ((p.first + 0.5f + LANE_INDEX) / p.count);
+}
+
+// Light of the window that passes in each part and that none of the spans takes.
+static INLINED Lanes light_left(const Scene *scene, const Opening *o, SkyParts p)
+{
+    float left[LANES], passed = light_until(scene, o->window, part_edge(o, p, 0));
+    for (int i = 0; i < LANES; i++) {
+        float until = light_until(scene, o->window, part_edge(o, p, i + 1));
+        left[i] = until - passed, passed = until;
+    }
+    for (uint k = 0; k < o->count; k++) {
+        global const Span *span = o->spans + k;
+        if (!leads(o->spans, k)) continue;
+        for (int i = 0; i < LANES; i++) {
+            float from = fmax(part_edge(o, p, i), span->t0);
+            float to = fmin(part_edge(o, p, i + 1), span->t1);
+            if (from < to)
+                left[i] -= light_until(scene, o->window, to) - light_until(scene, o->window, from);
+        }
+    }
+    return lanes_max(lanes_load(left), (Lanes)(0.0f));
+}
+
+// Go on after the parts at hand; false at the end of the time.
+static inline bool next_parts(SkyParts *p)
+{
+    p->first += LANES;
+    while (p->count > LANES && p->first % (2 * LANES) == 0) p->first /= 2, p->count /= 2;
+    return p->first < p->count;
+}
+
+static inline void halve_parts(SkyParts *p) { p->first *= 2, p->count *= 2; }
+
+// Whether sixteen parts tell their mean well enough.
 static inline bool sky_is_smooth(const Tile *tile, Lanes3 light)
 {
 #if SHADING_ERROR()
@@ -85,40 +95,67 @@ static inline bool sky_is_smooth(const Tile *tile, Lanes3 light)
 #endif
 }
 
-// Mean of the environment in that many parts of the time without the spans. False, and none, where
-// they are too few, unless they must do.
-static bool mean_sky(const Tile *tile, const Gaze *gaze, const Opening *opening, int parts,
-                     bool must, float3 *mean)
+// Whether parts that are `apart` patches from each other tell of light that is next to their middles
+// and not there: of what the box around them has more of than they see. All of it may be one texel.
+// Where its light begins within the last half part the mean lacks up to 1/128 of it times that
+// distance, and where they pass a corner of it between two middles 1/96 times the square.
+static inline bool sky_is_seen(const Tile *tile, const Patches *at, Lanes3 light, float apart)
 {
-    const float2 times = opening->times;
-    float3 sum = 0.0f;
-    float total = 0.0f, step = (times.y - times.x) / parts;
-    for (int first = 0; first < parts; first += LANES) {
-        float weight[LANES] = {1.0f};
-        for (int i = 0; parts > 1 && i < LANES; i++)
-            weight[i] = light_left(tile, opening, times.x + step * (first + i),
-                                   times.x + step * (first + i + 1));
-        Lanes part = lanes_load(weight);
-        if (!(lanes_sum(part) > 0.0f)) continue;
-        Lanes3 way = ways_of(tile, gaze, sky_times(times.x, times.y, first, parts));
-        Lanes3 light = sky_light(&tile->scene, way, min(LANES, parts));
-        if (!must && !sky_is_smooth(tile, light)) return false;
-        sum += (float3)(lanes_sum(part * light.x), lanes_sum(part * light.y),
-                        lanes_sum(part * light.z));
-        total += lanes_sum(part);
-    }
-    *mean = total > 0.0f ? sum / total : sum;
+#if SHADING_ERROR()
+    const Picture picture = sky_picture(&tile->scene);
+    float3 mean, seen = (float3)(lanes_sum(light.x), lanes_sum(light.y), lanes_sum(light.z));
+    float patches = box_around(&picture, at, &mean);
+    float3 missed = fabs(mean - seen * (1.0f / LANES)) * patches;
+    float most = fmax(missed.x, fmax(missed.y, missed.z));
+    return most * apart <= 16.0f * LANES * tile->scene.numbers.shading_error;
+#else
     return true;
+#endif
 }
 
+// What the environment is in the parts at hand. False, and none, where these are too long for that:
+// they are halved then.
+static bool sky_in_parts(const Tile *tile, const Gaze *gaze, const Opening *o, SkyParts *p,
+                         Lanes3 *light)
+{
+    const Scene *scene = &tile->scene;
+    Patches at = sky_patches(scene, gaze, part_middles(o, *p));
+    float apart = lanes_greatest(patches_apart(scene->panorama, &at));
+    if (apart > 1.0f && p->count < MOST_SKY_PARTS) {
+        for (; apart > 1.0f && p->count < MOST_SKY_PARTS; apart *= 0.5f) halve_parts(p);
+        return false;
+    }
+    *light = sky_light(scene, &at, LANES);
+    bool enough = apart <= LEAST_SKY_PART || p->count >= MOST_SKY_PARTS;
+    if (enough || (sky_is_smooth(tile, *light) && sky_is_seen(tile, &at, *light, apart)))
+        return true;
+    halve_parts(p);
+    return false;
+}
+
+// Mean of the environment over the opening: of one look-up where the camera does not turn.
 static float3 sky_between(const Tile *tile, const Gaze *gaze, const Opening *opening)
 {
-    float3 mean;
-    int parts = sky_parts(tile, gaze, opening->times.x, opening->times.y);
-    int most = min(8 * parts, MOST_SKY_PARTS);
-    bool alone = parts == 1;
-    while (!mean_sky(tile, gaze, opening, parts, alone || parts >= most, &mean)) parts *= 2;
-    return mean;
+    const Scene *scene = &tile->scene;
+    SkyParts parts = {0, LANES};
+    Patches at = sky_patches(scene, gaze, part_middles(opening, parts));
+    if (!(lanes_greatest(patches_apart(scene->panorama, &at)) > 0.0f)) {
+        Lanes3 light = sky_light(scene, &at, 1);
+        return LANE3(light, 0);
+    }
+    float3 sum = 0.0f;
+    float total = 0.0f;
+    for (bool more = true; more; more = next_parts(&parts)) {
+        Lanes weight = light_left(scene, opening, parts);
+        Lanes3 light;
+        while (lanes_sum(weight) > 0.0f && !sky_in_parts(tile, gaze, opening, &parts, &light))
+            weight = light_left(scene, opening, parts);
+        if (!(lanes_sum(weight) > 0.0f)) continue;
+        sum += (float3)(lanes_sum(weight * light.x), lanes_sum(weight * light.y),
+                        lanes_sum(weight * light.z));
+        total += lanes_sum(weight);
+    }
+    return total > 0.0f ? sum / total : sum;
 }
 
 // What the environment adds to a sample that its spans leave open: times the openness.

@@ -1,6 +1,7 @@
 // Cube maps from pictures: level 0 of an environment, and the levels that rough surfaces mirror.
 // Each work-item makes one row of texels of one face.
 #include "shared/cube_map.h"
+#include "shared/panorama.h"
 
 #pragma OPENCL FP_CONTRACT OFF
 
@@ -12,37 +13,28 @@ static inline CubePlace place_in_row(uint row, uint column, uint size, float acr
     return p;
 }
 
-// A picture by longitude and latitude, looked up bilinearly; its middle is -z, its right half +x.
-static float3 by_longitude(global const float *image, int width, int height, float turn, float3 d)
-{
-    float u = (atan2(d.x, -d.z) + turn) / (2.0f * M_PI_F) + 0.5f;
-    float x = (u - floor(u)) * width - 0.5f;
-    float y = (0.5f - atan2(d.y, sqrt(d.x * d.x + d.z * d.z)) / M_PI_F) * height - 0.5f;
-    y = clamp(y, 0.0f, height - 1.0f);
-    int left = (int)floor(x), top = min((int)y, max(height - 2, 0));
-    int right = left + 1 == width ? 0 : left + 1, bottom = min(top + 1, height - 1);
-    float across = x - left, down = y - top;
-    left = left < 0 ? width - 1 : left;
-    float3 upper = mix(vload3((size_t)top * width + left, image),
-                       vload3((size_t)top * width + right, image), across);
-    float3 lower = mix(vload3((size_t)bottom * width + left, image),
-                       vload3((size_t)bottom * width + right, image), across);
-    return mix(upper, lower, down);
-}
-
-// Level 0: the mean of four look-ups around each texel.
-kernel void project(global const float *image, int width, int height, float turn, float intensity,
+// Level 0: the mean of four look-ups around each texel, of four texels at a time.
+kernel void project(global const Panorama *panorama, global const float *panorama_texels,
                     uint size, global float4 *texels)
 {
+    const Picture picture = {*panorama, panorama_texels};
     uint row = get_global_id(0);
-    for (uint column = 0; column <= size; column++) {
-        float3 sum = 0.0f;
-        for (int k = 0; k < 4; k++) {
-            CubePlace p = place_in_row(row, column, size, k & 1 ? 0.25f : -0.25f,
+    for (uint column = 0; column <= size; column += 4u) {
+        float way[3][LANES];
+        for (int k = 0; k < LANES; k++) {
+            CubePlace p = place_in_row(row, column + k / 4, size, k & 1 ? 0.25f : -0.25f,
                                        k & 2 ? 0.25f : -0.25f);
-            sum += by_longitude(image, width, height, turn, cube_direction(p));
+            float3 d = cube_direction(p);
+            way[0][k] = d.x, way[1][k] = d.y, way[2][k] = d.z;
         }
-        texels[(size_t)row * (size + 1u) + column] = (float4)(0.25f * intensity * sum, 1.0f);
+        Lanes3 ways = {lanes_load(way[0]), lanes_load(way[1]), lanes_load(way[2])};
+        Patches at = patches_of(panorama, ways, (Lanes)(0.0f));
+        Lanes3 light = picture_points(&picture, &at, LANES);
+        for (uint i = 0; i < 4u && column + i <= size; i++) {
+            float3 sum = 0.0f;
+            for (int k = 0; k < 4; k++) sum += LANE3(light, 4 * i + k);
+            texels[(size_t)row * (size + 1u) + column + i] = (float4)(0.25f * sum, 1.0f);
+        }
     }
 }
 

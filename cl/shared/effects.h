@@ -113,7 +113,7 @@
 #define LIT() (PHONG() || METALLIC()) // surfaces reflect light
 #define VARYING() (LIT() || TEXTURED() || VERTEX_COLOR()) // colour varies over a surface
 #define LIGHT_AROUND() (ENVIRONMENT() || REFLECTIONS()) // surfaces reflect what cube maps hold
-#define CUBE_MAPS() (LIGHT_AROUND() || SKY())
+#define PANORAMA() (SKY() || (METALLIC() && ENVIRONMENT())) // its picture is looked at
 #define STACKS() (TRANSLUCENT() || MIRRORS()) // a mirror and what is seen in it are a stack
 #define STILL() (STATIC() && !SHADOWS() && !REFLECTIONS()) // what does not move has one colour
 #define VIEW_VARIES() (LENS() || STOCHASTIC() || STATIC() || GLOSSY()) // over a surface

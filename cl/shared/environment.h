@@ -8,6 +8,9 @@
 
 #include "shared/effects.h"
 #include "shared/cube_map.h"
+#if METALLIC()
+#include "shared/panorama.h"
+#endif
 #include "shared/scene.h"
 #include "shared/shading.h"
 
@@ -62,6 +65,33 @@ static inline Lanes3 mirrored_way(Lanes3 normal, Lanes3 view)
                     twice * normal.z - view.z};
 }
 
+#if METALLIC()
+
+// Light that facets of `alpha` mirror, around these directions at times t. A clear mirror shows the
+// picture of the environment itself, which the first level is of.
+static Lanes3 mirrored_light(const Scene *scene, uint map, const Lanes3 *way, const Lanes *alpha,
+                             const Lanes *t, int count)
+{
+    CubeMap seen = scene->maps[map];
+    Lanes level = level_of(&seen, *alpha);
+#if ENVIRONMENT()
+    Lanes clear = lanes_max(1.0f - level, (Lanes)(0.0f));
+    if (map == 0u) level = lanes_max(level, (Lanes)(1.0f));
+#endif
+    Lanes3 light = cube_light(&seen, scene->map_texels, *way, &level, t, count);
+#if ENVIRONMENT()
+    if (map == 0u && lanes_greatest(clear) > 0.0f) {
+        const Picture picture = {*scene->panorama, scene->panorama_texels};
+        Patches at = patches_of(scene->panorama, *way, (Lanes)(0.0f));
+        Lanes3 sharp = picture_points(&picture, &at, count);
+        light = lanes_plus(light, clear, lanes_minus(sharp, light));
+    }
+#endif
+    return light;
+}
+
+#endif
+
 // What surfaces reflect to `view` of the light around them at times t: they scatter that of the
 // environment, and mirror that of the cube map `map`. `count` of them matter.
 static INLINED Lanes3 light_around(const Scene *scene, uint map, const LitPoints *points, Lanes t,
@@ -92,10 +122,8 @@ static INLINED Lanes3 light_around(const Scene *scene, uint map, const LitPoints
 #endif
 #if METALLIC()
     if (gloss) {
-        CubeMap seen = scene->maps[map];
-        Lanes level = level_of(&seen, facets.alpha);
-        Lanes3 mirrored = cube_light(&seen, scene->map_texels, mirrored_way(normal, view), &level,
-                                     &t, count);
+        Lanes3 way = mirrored_way(normal, view);
+        Lanes3 mirrored = mirrored_light(scene, map, &way, &facets.alpha, &t, count);
         sum.x += mirrored.x * (facets.mirrored.x * shares.factor + shares.added);
         sum.y += mirrored.y * (facets.mirrored.y * shares.factor + shares.added);
         sum.z += mirrored.z * (facets.mirrored.z * shares.factor + shares.added);

@@ -4,8 +4,8 @@
 
 #include "shared/effects.h"
 #include "shared/coordinates.h"
-#include "shared/cube_map.h"
 #include "shared/mirror_planes.h"
+#include "shared/panorama.h"
 
 // Where samples look at the environment: places on the film, of the lens, and of the disc of a
 // glossy mirror, and the world that they see last.
@@ -23,10 +23,11 @@ static inline Gaze gaze_at(Place place, uint world)
     return g;
 }
 
-// Directions in which samples look at times t.
-static INLINED Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
+// What samples see of the environment at times t: places in its picture, and what is around them
+// as far as a sample stands for.
+static INLINED Patches sky_patches(const Scene *scene, const Gaze *gaze, Lanes t)
 {
-    float times[LANES], way[3][LANES], px[LANES], py[LANES];
+    float times[LANES], way[3][LANES], px[LANES], py[LANES], angle[LANES];
     lanes_store(t, times), lanes_store(gaze->x, px), lanes_store(gaze->y, py);
 #if LENS()
     float pu[LANES], pv[LANES];
@@ -47,18 +48,26 @@ static INLINED Lanes3 sky_ways(const Scene *scene, const Gaze *gaze, Lanes t)
             float start = a[0] * px[i] + a[1] * py[i] + a[2];
             way[row][i] = mix(start, b[0] * px[i] + b[1] * py[i] + b[2], part);
         }
+        angle[i] = mix(sky->angle_start, sky->angle_end, part);
     }
     Lanes3 ways = {lanes_load(way[0]), lanes_load(way[1]), lanes_load(way[2])};
+    // Off the middle a pixel's solid angle is less by the cube of the cosine, which is 1 / length.
+    Lanes length = sqrt(lanes_dot(ways, ways));
+    Lanes spread = lanes_load(angle) * scene->numbers.sample_spacing / (length * sqrt(length));
     ways = unsheared(scene, gaze->world, ways, gaze->a, gaze->b);
-    return unmirrored(scene, gaze->world, ways);
+    return patches_of(scene->panorama, unmirrored(scene, gaze->world, ways), spread);
 }
 
-// Light from directions of the environment; `count` of them matter.
-static Lanes3 sky_light(const Scene *scene, Lanes3 ways, int count)
+static inline Picture sky_picture(const Scene *scene)
 {
-    CubeMap map = scene->maps[0];
-    Lanes zero = 0.0f;
-    return cube_light(&map, scene->map_texels, ways, &zero, &zero, count);
+    return (Picture){*scene->panorama, scene->panorama_texels, scene->panorama_sums};
+}
+
+// Light from patches of the environment; `count` of them matter.
+static Lanes3 sky_light(const Scene *scene, const Patches *at, int count)
+{
+    const Picture picture = sky_picture(scene);
+    return picture_light(&picture, at, count);
 }
 
 #endif

@@ -29,7 +29,7 @@ typedef struct {
     float shading_error;
     int shading_times;
     int anisotropy;
-    float sample_spacing;       // pixels
+    float sample_spacing;       // edge of the square that a sample stands for, in pixels
     int most_intervals;         // of a sample
     int slices;                 // of accumulation
     int columns;                // of the grid that samples are jittered in
@@ -354,7 +354,16 @@ typedef struct {
     float open, close;
     float start[9], end[9];
     float blur_start, blur_end;
+    float angle_start, angle_end; // that a pixel stands for in the middle of the frame
 } Sky;
+
+// A picture of all directions (cl/shared/panorama.h): columns and rows of texels, by how far it is
+// turned to the left, in radians, and what its texels and a unit of their sums are of light.
+typedef struct {
+    int width, height;
+    float turn, intensity;
+    double unit;
+} Panorama;
 
 // A mirror's plane: its unit normal, and two orthogonal directions within it, each as long as the
 // radius of the disc over which it spreads what is at distance 1.

@@ -21,10 +21,19 @@ typedef struct {
     global const Slot *slots;      // of the samples of a pixel
     global const float *filter;    // inverse of the filter's cumulative weight
     global const ShutterKey *shutter;
-#if CUBE_MAPS()
+#if LIGHT_AROUND()
     global const CubeMap *maps;       // the environment, then those of objects
     global const float4 *map_texels;  // what facets reflect (environment.h), and those of maps
+#endif
+#if PANORAMA()
+    global const Panorama *panorama;  // of the environment, one record
+    global const float *panorama_texels; // three each
+#endif
+#if SKY()
+    global const long *panorama_sums; // likewise
     global const Sky *sky;            // the camera, for what lies behind all
+#endif
+#if LIGHT_AROUND() || SKY()
     global const MirrorPlane *mirror_planes; // of the worlds that are seen in mirrors, from 1 on
 #endif
 } Scene;

@@ -91,8 +91,8 @@ static float4 mirrored_behind(const Tile *tile, int index)
     MORE_COORDINATES(TAKE)
 #undef TAKE
     gaze.world = mirror_seen(tile, tile->owners[index]);
-    Lanes3 ways = sky_ways(&tile->scene, &gaze, (Lanes)(tile->ts[index]));
-    Lanes3 light = sky_light(&tile->scene, ways, 1);
+    Patches at = sky_patches(&tile->scene, &gaze, (Lanes)(tile->ts[index]));
+    Lanes3 light = sky_light(&tile->scene, &at, 1);
     return (float4)(LANE3(light, 0), 1.0f);
 #else
     const Frame *film = &tile->film;

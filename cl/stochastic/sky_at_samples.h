@@ -30,8 +30,8 @@ static void add_sky(Tile *tile)
 #define LOAD(name) gaze.name = load(tile->name##s, index);
         LENS_COORDINATES(LOAD)
 #undef LOAD
-        Lanes3 light = sky_light(&tile->scene, sky_ways(&tile->scene, &gaze,
-                                                        load(tile->ts, index)), LANES);
+        Patches at = sky_patches(&tile->scene, &gaze, load(tile->ts, index));
+        Lanes3 light = sky_light(&tile->scene, &at, LANES);
         for (int i = 0; i < LANES; i++)
             if (tile->owners[index + i] == NONE)
                 add_light(tile, index + i,

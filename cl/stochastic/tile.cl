@@ -102,8 +102,16 @@ kernel void tile(
     global const float *shadow_map,
 #endif
 #endif
-#if CUBE_MAPS()
-    global const CubeMap *maps, global const float4 *map_texels, global const Sky *sky,
+#if LIGHT_AROUND()
+    global const CubeMap *maps, global const float4 *map_texels,
+#endif
+#if PANORAMA()
+    global const Panorama *panorama, global const float *panorama_texels,
+#endif
+#if SKY()
+    global const long *panorama_sums, global const Sky *sky,
+#endif
+#if LIGHT_AROUND() || SKY()
     global const MirrorPlane *mirror_planes,
 #endif
     global float4 *rgba, global float *depth, global uint *seen)
@@ -117,8 +125,17 @@ kernel void tile(
             .vertex_colors = vertex_colors, .uvs = uvs, .normals = normals,
             .textures = textures, .texels = texels, .lights = lights, .cameras = cameras,
             .slots = slots, .filter = filter, .shutter = shutter,
-#if CUBE_MAPS()
-            .maps = maps, .map_texels = map_texels, .sky = sky, .mirror_planes = mirror_planes,
+#if LIGHT_AROUND()
+            .maps = maps, .map_texels = map_texels,
+#endif
+#if PANORAMA()
+            .panorama = panorama, .panorama_texels = panorama_texels,
+#endif
+#if SKY()
+            .panorama_sums = panorama_sums, .sky = sky,
+#endif
+#if LIGHT_AROUND() || SKY()
+            .mirror_planes = mirror_planes,
 #endif
         },
         .bounds = bounds,

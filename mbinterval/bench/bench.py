@@ -35,7 +35,7 @@ from mbinterval.device.choose import choose_device
 from mbinterval.errors import UsageError
 from mbinterval.files.ownership import SOFTWARE
 from mbinterval.film.film import Film
-from mbinterval.plan.stochastic_plan import sample_count
+from mbinterval.plan.sampling import sample_count
 from mbinterval.rendering.renderer import render
 from mbinterval.settings.settings import RULES, Settings
 from mbinterval.values import nearest

@@ -116,7 +116,10 @@ CUBE_MAP = np.dtype(
 )
 SKY = np.dtype(
     [("open", "f4"), ("close", "f4"), ("start", "f4", 9), ("end", "f4", 9)]
-    + [("blur_start", "f4"), ("blur_end", "f4")]
+    + [("blur_start", "f4"), ("blur_end", "f4"), ("angle_start", "f4"), ("angle_end", "f4")]
+)
+PANORAMA = np.dtype(
+    [("width", "i4"), ("height", "i4"), ("turn", "f4"), ("intensity", "f4"), ("unit", "f8")]
 )
 MIRROR_PLANE = np.dtype([("normal", "f4", 3), ("tangents", "f4", 6)])
 TREE_NODE = np.dtype([("low", "f4", 3), ("high", "f4", 3), ("open", "f4"), ("close", "f4")])
@@ -170,6 +173,7 @@ BY_NAME = {
     "ViewRays": VIEW_RAYS,
     "CubeMap": CUBE_MAP,
     "Sky": SKY,
+    "Panorama": PANORAMA,
     "MirrorPlane": MIRROR_PLANE,
     "TreeNode": TREE_NODE,
     "Place": PLACE,
@@ -181,6 +185,7 @@ BY_NAME = {
 
 _NUMBERS: dict[str, np.dtype[Any]] = {
     **{"int": np.dtype("i4"), "uint": np.dtype("u4"), "ulong": np.dtype("u8")},
+    "long": np.dtype("i8"),
     **{"float": np.dtype("f4"), "double": np.dtype("f8"), "float4": np.dtype(("f4", 4))},
 }
 

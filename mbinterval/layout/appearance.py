@@ -114,11 +114,12 @@ def mip_chain(image: Float32) -> list[Float32]:
     """
     levels = [image]
     while levels[-1].shape[:2] != (1, 1):
-        levels.append(_halved(_halved(levels[-1], 0), 1))
+        levels.append(halved(halved(levels[-1], 0), 1))
     return levels
 
 
-def _halved(image: Float32, axis: int) -> Float32:
+def halved(image: Float32, axis: int) -> Float32:
+    """Means of pairs along ``axis``; of an odd number the last joins the pair before it."""
     rows = np.moveaxis(image, axis, 0)
     size = len(rows)
     if size == 1:

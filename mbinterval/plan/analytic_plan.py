@@ -9,7 +9,7 @@ from mbinterval.errors import UsageError
 from mbinterval.film.aovs import FLOWS, plane_sizes
 from mbinterval.layout.appearance import casting
 from mbinterval.plan.effects import active_macros, effects_of
-from mbinterval.plan.plan import AROUND, Crop, Plan, sampling_macros, sampling_numbers
+from mbinterval.plan.plan import LIGHT_AROUND, Crop, Plan, sampling_macros, sampling_numbers
 from mbinterval.settings.settings import Settings
 
 if TYPE_CHECKING:
@@ -59,7 +59,6 @@ def analytic_plan(
         "shading_error": settings.shading_error,
         "shading_times": settings.shading_times or 0,
         "anisotropy": settings.anisotropy,
-        "sample_spacing": settings.samples**-0.5,
         "moment": settings.aov_time,
         "event_steps": settings.event_steps,
     }
@@ -71,7 +70,7 @@ def analytic_plan(
         region=_around(crop, width, height) if "FIVE_POINT" in active else crop,
         effects=effects,
         stages=(
-            *(("cube_map",) if active & AROUND else ()),
+            *(("cube_map",) if active & LIGHT_AROUND else ()),
             "paths",
             "bin",
             *(("place",) if "PLACED" in active else ()),

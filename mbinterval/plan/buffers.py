@@ -9,7 +9,7 @@ from __future__ import annotations
 from mbinterval.device import records
 from mbinterval.film.aovs import plane_count
 from mbinterval.plan.plan import Plan
-from mbinterval.plan.stochastic_plan import sample_count
+from mbinterval.plan.sampling import sample_count
 
 LANES = 16
 """Records of every pool beyond its capacity, for each work-item: sorts write whole vectors."""

@@ -19,7 +19,7 @@ from mbinterval.device import records
 from mbinterval.device.kernel_effects import effect_options
 from mbinterval.errors import UsageError
 from mbinterval.plan.effects import Effect
-from mbinterval.plan.sampling import filter_of, reach_of
+from mbinterval.plan.sampling import filter_of, reach_of, sample_spacing
 from mbinterval.settings.settings import Settings
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mbinterval.scene.camera import Shutter
     from mbinterval.scene.model import Scene
 
-AROUND = frozenset(("ENVIRONMENT", "SKY", "REFLECTIONS"))
+LIGHT_AROUND = frozenset(("ENVIRONMENT", "REFLECTIONS"))
 """Macros of effects that need cube maps: stage "cube_map" makes them."""
 
 Crop = tuple[int, int, int, int]
@@ -113,6 +113,7 @@ def sampling_numbers(
         "width": width,
         "height": height,
         "seed": settings.seed,
+        "sample_spacing": sample_spacing(settings),
         "roll_start": roll.start if roll else 0.0,
         "roll_step": roll.step if roll else 0.0,
         "roll_length": roll.length if roll else 1.0,

@@ -206,6 +206,20 @@ def pattern_of(settings: Settings) -> str:
     return settings.pattern or ("sobol" if sampled else "fixed")
 
 
+def sample_count(settings: Settings) -> int:
+    """Return the number of samples per pixel: with accumulation those of all slices."""
+    return settings.samples * (settings.slices if settings.method == "accumulation" else 1)
+
+
+def sample_spacing(settings: Settings) -> float:
+    """Return the edge, in pixels, of the square that a sample stands for.
+
+    All slices have their samples at the same places, but for those that are sampled stochastically.
+    """
+    alike = settings.method == "accumulation" and settings.slice_times != "stochastic"
+    return float((settings.samples if alike else sample_count(settings)) ** -0.5)
+
+
 def slots_of(settings: Settings) -> NDArray[np.void]:
     """Return where each of a pixel's samples may lie, as ``Slot`` records."""
     pattern = pattern_of(settings)

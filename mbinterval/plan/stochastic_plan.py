@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from mbinterval.errors import UsageError
 from mbinterval.layout.appearance import casting
 from mbinterval.plan.effects import Effect, active_macros, effects_of
-from mbinterval.plan.plan import AROUND, Crop, Plan, sampling_macros, sampling_numbers
-from mbinterval.plan.sampling import pattern_of
+from mbinterval.plan.plan import LIGHT_AROUND, Crop, Plan, sampling_macros, sampling_numbers
+from mbinterval.plan.sampling import pattern_of, sample_count
 from mbinterval.settings.settings import Settings
 
 if TYPE_CHECKING:
@@ -26,11 +26,6 @@ SLABS = 64
 
 The kernels have it as MOST_SLABS.
 """
-
-
-def sample_count(settings: Settings) -> int:
-    """Return the number of samples per pixel: with accumulation those of all slices."""
-    return settings.samples * (settings.slices if settings.method == "accumulation" else 1)
 
 
 def stochastic_plan(
@@ -92,7 +87,7 @@ def stochastic_plan(
         region=_region(settings, crop),
         effects=effects,
         stages=(
-            *(("cube_map",) if active & AROUND else ()),
+            *(("cube_map",) if active & LIGHT_AROUND else ()),
             *("vertices", "bounds", "bin"),
             *(("shadow_map",) if shadow_map else ()),
             *("scatter", "sample", "shade", "resolve"),

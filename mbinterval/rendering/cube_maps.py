@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mbinterval.device import records
 from mbinterval.device.runtime import Runtime
-from mbinterval.exposure.sky import Turning, inverses
+from mbinterval.rendering.panorama import PANORAMA, picture
 from mbinterval.scene.environment import Environment
 
 Float32 = NDArray[np.float32]
@@ -123,14 +123,12 @@ def _environment_texels(runtime: Runtime, environment: Environment) -> Float32:
     device = int(runtime.device.int_ptr)
     if device not in known:
         size = environment_size(environment)
-        height, width = environment.image.shape[:2]
         level = runtime.allocate("float4", texel_count(size), "environment")
         arguments = {
-            "image": runtime.upload("float", environment.image, "environment's image"),
-            "width": width,
-            "height": height,
-            "turn": np.radians(environment.rotation % 360.0),
-            "intensity": environment.intensity,
+            **{
+                name: runtime.upload(PANORAMA[name], array, name)
+                for name, array in picture(environment).items()
+            },
             "size": size,
             "texels": level,
         }
@@ -274,20 +272,3 @@ def shares() -> Float32:
     lost = (1.0 - np.sqrt(np.clip(square_half, 0.0, 1.0))) ** 5
     table[:, :, 2] = lost.mean(axis=(1, 2))
     return table.astype(np.float32)
-
-
-def sky_records(sky: tuple[Turning, ...], width: int, height: int) -> NDArray[np.void]:
-    """``Sky`` records of the camera for a frame of ``width`` by ``height`` pixels."""
-    found = []
-    for turning in sky:
-        rays = inverses(turning.poses, width, height).reshape(-1, 9)
-        poses = turning.poses
-        blur = poses.aperture * poses.focal * height / poses.focus
-        count = len(rays) - 1
-        rows = np.zeros(count, records.SKY)
-        ends = turning.stretch.ends(count)
-        rows["open"], rows["close"] = ends[:-1], ends[1:]
-        rows["start"], rows["end"] = rays[:-1], rays[1:]
-        rows["blur_start"], rows["blur_end"] = blur[:-1], blur[1:]
-        found.append(rows)
-    return np.concatenate(found) if found else np.zeros(0, records.SKY)

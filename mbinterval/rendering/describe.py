@@ -14,8 +14,9 @@ from mbinterval.layout.motion import Motion
 from mbinterval.plan.memory import buffer_bytes, textures_of
 from mbinterval.plan.plan import Crop, Plan
 from mbinterval.plan.prepare import prepare
-from mbinterval.plan.stochastic_plan import sample_count
+from mbinterval.plan.sampling import sample_count
 from mbinterval.rendering.cube_maps import environment_size, map_texels
+from mbinterval.rendering.panorama import looks_at_picture, picture_bytes, picture_size
 from mbinterval.scene.model import Scene
 from mbinterval.settings.settings import Settings
 
@@ -48,7 +49,7 @@ def describe(
         lines.append(f"  {'on ' if effect.active else 'off'} {effect.name}: {effect.reason}")
     lines += _mesh_lines(scene, exposure)
     lines += [f"lights: {_lights(exposure, motion)}", f"textures: {_textures(motion)}"]
-    lines += _cube_maps(exposure, plan)
+    lines += _environment(exposure, plan) + _cube_maps(exposure, plan)
     lines.append(f"stages: {' '.join(plan.stages)}")
     lines.append(f"kernel options: {' '.join(plan.options)}")
     lines.append(
@@ -144,6 +145,17 @@ def _textures(motion: Motion) -> str:
     ]
     more = [f"and {len(used) - _MOST_LISTED} more"] if len(used) > _MOST_LISTED else []
     return ", ".join(texts + more) or "none"
+
+
+def _environment(exposure: Exposure, plan: Plan) -> list[str]:
+    """The picture of the environment, where it is looked at, and its memory."""
+    if exposure.environment is None or not looks_at_picture(plan):
+        return []
+    width, height = picture_size(exposure.environment)
+    behind = "SKY" in plan.active
+    sums = " with sums of its texels" if behind else ""
+    size = picture_bytes(exposure.environment, behind) / 2**20
+    return [f"environment: {width} x {height} texels{sums}, {size:.1f} MiB"]
 
 
 def _cube_maps(exposure: Exposure, plan: Plan) -> list[str]:

@@ -22,7 +22,8 @@ from mbinterval.exposure.shutter_times import Window
 from mbinterval.layout.motion import in_order
 from mbinterval.plan.plan import roll_lines
 from mbinterval.plan.prepare import Prepared, prepare
-from mbinterval.rendering.cube_maps import CubeMaps, gather, sky_records
+from mbinterval.rendering.cube_maps import CubeMaps, gather
+from mbinterval.rendering.panorama import add_environment
 from mbinterval.scene.model import Camera, Reflections, Scene, Shutter
 from mbinterval.scene.tracks import Track, Transform
 
@@ -38,13 +39,12 @@ _CURVE_VALUES = 129
 
 def add_cube_maps(ready: Prepared, made: CubeMaps) -> Prepared:
     """Return the frame with cube maps, and who mirrors which of them."""
-    exposure, motion, plan = ready.exposure, ready.motion, ready.plan
+    exposure, motion = ready.exposure, ready.motion
     groups = {id(asked): 1 + index for index, asked in enumerate(reflecting(exposure))}
     meshes = motion.meshes.copy()
     if len(made.maps) > 1:
         meshes["map"] = [groups.get(id(mesh.mesh.reflections), 0) for mesh in in_order(exposure)]
-    sky = sky_records(exposure.sky, plan.width, plan.height)
-    made_of: dict[str, Any] = {"maps": made.maps, "map_texels": made.texels, "sky": sky}
+    made_of: dict[str, Any] = {"maps": made.maps, "map_texels": made.texels}
     changed = replace(motion, meshes=meshes, places={**motion.places, **made_of})
     return replace(ready, motion=changed)
 
@@ -82,7 +82,8 @@ def _surroundings(
         )
         pictures = []
         for part in _parts(seen.exposure, asked.times):
-            rgb = render(add_cube_maps(seen.exposed_as(part), made)).rgba[..., :3]
+            one = add_environment(add_cube_maps(seen.exposed_as(part), made), exposure.environment)
+            rgb = render(one).rgba[..., :3]
             pictures.append(rgb[:, ::-1] if face % 2 else rgb)
         faces.append(pictures)
     # Where one face sees no motion and another does, the still one has one picture for all times.

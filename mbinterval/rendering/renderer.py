@@ -132,7 +132,7 @@ def _render(
     exposed = time.perf_counter() - started
     run = render_analytic if settings.method == "analytic" else render_stochastic
     try:
-        ready, mapped = _add_cube_maps(on, scene, ready, run)
+        ready, mapped = _add_surroundings(on, scene, ready, run)
         check_memory(ready.motion, ready.plan, memory)
         pixels = run(on, ready, progress)
     except BaseException:
@@ -157,13 +157,15 @@ def _render(
     )
 
 
-def _add_cube_maps(
+def _add_surroundings(
     on: Runtime, scene: Scene, ready: Prepared, run: Callable[..., Pixels]
 ) -> tuple[Prepared, dict[str, float]]:
-    """Stage "cube_map": the environment's map, and those of what objects mirror; its seconds."""
+    """The environment that is seen, and stage "cube_map", what objects mirror; its seconds."""
     from mbinterval.rendering.cube_maps import gather
+    from mbinterval.rendering.panorama import add_environment
     from mbinterval.rendering.reflections import add_cube_maps, surroundings
 
+    ready = add_environment(ready, ready.exposure.environment)
     if "cube_map" not in ready.plan.stages:
         return ready, {}
     started = time.perf_counter()

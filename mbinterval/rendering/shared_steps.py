@@ -23,15 +23,18 @@ from mbinterval.plan.buffers import film_bytes, tile_grid
 from mbinterval.plan.plan import Crop, Plan, shutter_keys
 from mbinterval.plan.prepare import Prepared
 from mbinterval.plan.sampling import filter_of, slots_of
+from mbinterval.rendering.panorama import PANORAMA
 
 if TYPE_CHECKING:
     from mbinterval.exposure.mirrors import Mirror
     from mbinterval.film.deep import DeepImage
     from mbinterval.film.events import Events
 
-_PLACES = {"maps": "CubeMap", "map_texels": "float4", "sky": "Sky"} | dict.fromkeys(
-    ("forward", "backward"), "double"
-)
+_PLACES = {
+    **{"maps": "CubeMap", "map_texels": "float4", "sky": "Sky"},
+    **PANORAMA,
+    **dict.fromkeys(("forward", "backward"), "double"),
+}
 """Kinds of what `Motion` has in ``places``."""
 
 _BIN_CHUNKS = 64

@@ -20,8 +20,7 @@ from mbinterval.device.runtime import Runtime, seconds
 from mbinterval.layout.motion import Motion
 from mbinterval.plan.buffers import scratch, scratch_bytes
 from mbinterval.plan.prepare import Prepared
-from mbinterval.plan.sampling import reach_of
-from mbinterval.plan.stochastic_plan import sample_count
+from mbinterval.plan.sampling import reach_of, sample_count
 from mbinterval.rendering.shadow_tree import prepare_rays
 from mbinterval.rendering.shared_steps import (
     PATHS_PER_ITEM,

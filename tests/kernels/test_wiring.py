@@ -81,9 +81,12 @@ def test_every_kind_is_one_that_the_host_knows():
 SWITCHES = {
     "analytic": (
         *("EXACT", "PLACED", "WEIGHTED", "AOV_SHARP", "AOV_OPERATIONS", "MOMENTARY"),
-        *("AOV_FORWARD", "AOV_BACKWARD", "SHADOWS", "CUBE_MAPS", "RECORDED"),
+        *("AOV_FORWARD", "AOV_BACKWARD", "SHADOWS", "LIGHT_AROUND", "PANORAMA", "SKY", "RECORDED"),
     ),
-    "stochastic": ("GLOSSY", "MIRRORS", "WEIGHTED", "PATTERN_RGSS", "SHADOWS", "CUBE_MAPS"),
+    "stochastic": (
+        *("GLOSSY", "MIRRORS", "WEIGHTED", "PATTERN_RGSS"),
+        *("SHADOWS", "LIGHT_AROUND", "PANORAMA", "SKY"),
+    ),
 }
 
 

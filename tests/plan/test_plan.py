@@ -181,7 +181,9 @@ def test_lights_without_shadows_leave_no_code_of_them():
 
 def test_without_an_environment_there_is_no_code_of_it_and_with_one_what_the_scene_calls_for():
     """The host has no buffers for it either: they are arguments of the kernel."""
-    names = ("CubeMap", "Sky", "cube_light", "light_around", "sky_behind", "map_texels")
+    maps, pictures = ("CubeMap", "cube_light", "map_texels"), ("Panorama", "texels_around")
+    sums = ("Sky", "sky_behind", "texels_in_box", "panorama_sums")
+    names = (*maps, *pictures, *sums, "light_around")
     clay = [mesh(material=Material("clay")), mesh(False, material=Material("clay"))]
     chrome = Material("chrome", shading="metallic_roughness", metallic=1.0)
     sky = mb.Environment(np.ones((4, 8, 3)))
@@ -193,7 +195,7 @@ def test_without_an_environment_there_is_no_code_of_it_and_with_one_what_the_sce
         if method == "analytic":
             assert builds_without(without, names, "shared/records.h")
             assert not builds_without(lit, names, "shared/records.h")
-            assert builds_without(lit, ("sky_light", "shares_at"), "shared/records.h")
+            assert builds_without(lit, (*pictures, *sums, "shares_at"), "shared/records.h")
         assert set(lit.options) == {*without.options, "-DMB_ENVIRONMENT"}
         assert lit.stages == ("cube_map", *without.stages)
         seen = plan(mesh(), scene=dataclasses.replace(plain, meshes=[mesh()], environment=sky),
@@ -202,12 +204,19 @@ def test_without_an_environment_there_is_no_code_of_it_and_with_one_what_the_sce
         more = {name.split("=")[0] for name in set(seen.options) - set(flat.options)}
         assert more == {"-DMB_SKY", *(["-DMB_SHADING_ERROR"] if method == "analytic" else [])}
         assert set(flat.options) < set(seen.options)
+        assert seen.stages == flat.stages
+        if method == "analytic":
+            assert builds_without(seen, (*maps, "light_around"), "shared/records.h")
+            assert not builds_without(seen, sums, "shared/records.h")
     # Nothing mirrors but metallic-roughness materials, whatever asks for it.
     asked = dataclasses.replace(clay[0], reflections=mb.Reflections())
     assert plan(scene=dataclasses.replace(plain, meshes=[asked])).options == plan(
         scene=dataclasses.replace(plain, meshes=clay[:1])
     ).options  # fmt: skip
     mirror = dataclasses.replace(asked, material=chrome)
+    mirrored = plan(scene=dataclasses.replace(plain, meshes=[mirror], environment=unseen))
+    assert builds_without(mirrored, sums, "shared/records.h")
+    assert not builds_without(mirrored, pictures, "shared/records.h")
     assert "-DMB_REFLECTIONS" in plan(scene=dataclasses.replace(plain, meshes=[mirror])).options
     clear = dataclasses.replace(plain, meshes=[mesh()], environment=sky)
     assert plan(scene=clear, transparent=True).stages[0] == "paths"

@@ -312,16 +312,18 @@ SCENES = {
 
 
 def with_cube_maps(ready: Prepared) -> Prepared:
-    """Cube maps of few directions, around objects of pictures of noise."""
+    """The environment, and cube maps of few directions, around objects of pictures of noise."""
     from mbinterval.device.runtime import runtime
     from mbinterval.exposure.exposure import reflecting
     from mbinterval.rendering import cube_maps
+    from mbinterval.rendering.panorama import add_environment
     from mbinterval.rendering.reflections import add_cube_maps
 
     pictures = [
         np.random.default_rng(5).uniform(0, 1, (2, 6, 17, 17, 3))
         for _ in reflecting(ready.exposure)
     ]
+    ready = add_environment(ready, ready.exposure.environment)
     if "cube_map" not in ready.plan.stages:
         return ready
     with patch.object(cube_maps, "_DIRECTIONS", (2, 2)):

@@ -10,8 +10,7 @@ from reference.point_samples import Drawn, nearest_paths
 
 from mbinterval.exposure.exposure import Exposure
 from mbinterval.plan.plan import sampling_numbers, shutter_keys
-from mbinterval.plan.sampling import filter_of, slots_of
-from mbinterval.plan.stochastic_plan import sample_count
+from mbinterval.plan.sampling import filter_of, sample_count, slots_of
 from support.kernels import numbers, run
 
 TILE = 16
