@@ -93,10 +93,10 @@ static INLINED DoubleMask there_enough(const Tile *tile, Path path, const Restin
     Doubles e[3];
     edges_at(r, &places, e);
     Doubles sum = (e[0] + e[1]) + e[2];
-    Lanes weights[6];
+    Weights weights[6];
     for (int i = 0; i < 3; i++) {
-        Floats begin = to_floats(e[i] / sum * (1.0 - tau));
-        Floats end = to_floats(e[i] / sum * tau);
+        HalfWeights begin = to_half_weights(e[i] / sum * (1.0 - tau));
+        HalfWeights end = to_half_weights(e[i] / sum * tau);
         weights[i] = weights[i + 3] = 0.0f;
         FIRST_HALF(weights[i]) = begin, FIRST_HALF(weights[i + 3]) = end;
     }

@@ -32,7 +32,7 @@ static float span_level(const Tile *tile, const Shaded *s, const Varying *v, Spa
     Texture texture = tile->scene.textures[s->material.texture];
     Lanes ends = LANE_INDEX < 1.0f ? (Lanes)(span.t0) : (Lanes)(span.t1);
     Attributes a = attributes_at(s, v, &ends);
-    float2 extent = fabs((float2)(first_lane(lanes_steps(a.u)), first_lane(lanes_steps(a.v))))
+    float2 extent = fabs((float2)(first_lane(steps_of_u(&a)), first_lane(steps_of_v(&a))))
                     * (float2)(texture.width, texture.height);
     return log2(fmax(fmax(extent.x, extent.y) / n, 1.0f));
 #else
@@ -98,8 +98,8 @@ static INLINED bool close_enough(const Tile *tile, const Shaded *s, const Attrib
                  : m->gloss_texture != NONE ? m->gloss_texture : m->emission_texture;
     if (index != NONE) {
         Texture texture = tile->scene.textures[index];
-        Lanes across = fabs(lanes_steps(a->u)) * texture.width;
-        Lanes down = fabs(lanes_steps(a->v)) * texture.height;
+        Lanes across = fabs(steps_of_u(a)) * texture.width;
+        Lanes down = fabs(steps_of_v(a)) * texture.height;
         float texels = lanes_greatest_number(lanes_max(across, down));
         close = texels <= SPACING * finest_texel(tile, texture, a);
         if (!can_refine(places) && !(s->material.flags & MATERIAL_MASK))

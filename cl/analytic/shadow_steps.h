@@ -71,14 +71,12 @@ static inline float part_start(Parts p, int part)
 
 // Weights of a caster's corners where the light passes it when sixteen parts begin, from `first`
 // on: by the functions of the edges across from them.
-static void caster_weights(const Caster *c, Path path, Parts parts, int first, Lanes *weights)
+static void caster_weights(const Caster *c, Path path, Parts parts, int first, Weights *weights)
 {
-    float *at[6];
-    for (int i = 0; i < 6; i++) at[i] = (float *)(weights + i);
     for (int lane = 0; lane < LANES; lane++) {
         double t = part_start(parts, first + lane), e[3], sum = 0.0;
         double along = clamp((t - c->low) / (c->high - c->low), 0.0, 1.0);
-        float tau = (float)((t - path.open) / path_length(path));
+        Weight tau = (Weight)((t - path.open) / path_length(path));
         for (int i = 0; i < 3; i++) {
             double b[QUINTIC];
             for (int k = 0; k < QUINTIC; k++)
@@ -86,22 +84,23 @@ static void caster_weights(const Caster *c, Path path, Parts parts, int first, L
             e[i] = quintic_at(b, along), sum += e[i];
         }
         for (int i = 0; i < 3; i++) {
-            float share = sum != 0.0 ? (float)(e[i] / sum) : 1.0f / 3.0f;
-            at[i][lane] = share * (1.0f - tau), at[i + 3][lane] = share * tau;
+            Weight share = sum != 0.0 ? (Weight)(e[i] / sum) : (Weight)1.0f / 3.0f;
+            LANE(Weight, weights[i], lane) = share * (1.0f - tau);
+            LANE(Weight, weights[i + 3], lane) = share * tau;
         }
     }
 }
 
 // In how many parts a stretch is looked at: four for each texel that the light passes through.
-static int count_parts_of_light(const Tile *tile, const Shaded *s, const Lanes *weights)
+static int count_parts_of_light(const Tile *tile, const Shaded *s, const Weights *weights)
 {
     float texels = 4.0f; // of colours that are linear
 #if TEXTURED()
     if (s->material.texture != NONE) {
         Texture texture = tile->scene.textures[s->material.texture];
         Attributes a = blend_corners(s, weights);
-        Lanes across = fabs(lanes_steps(a.u)) * texture.width;
-        Lanes down = fabs(lanes_steps(a.v)) * texture.height;
+        Lanes across = fabs(steps_of_u(&a)) * texture.width;
+        Lanes down = fabs(steps_of_v(&a)) * texture.height;
         texels = LANES * lanes_greatest_number(lanes_max(across, down));
     }
 #endif
@@ -129,7 +128,7 @@ static bool dim_by_alphas(const Tile *tile, Steps *list, const Caster *c, float 
     Shaded s = load_shaded(&tile->scene, c->path);
     load_corners(&tile->scene, &s);
     Parts parts = {since, until, LANES - 1};
-    Lanes weights[6];
+    Weights weights[6];
     caster_weights(c, s.path, parts, 0, weights);
     parts.n = count_parts_of_light(tile, &s, weights);
     for (int first = 0; first < parts.n; first += LANES - 1) {

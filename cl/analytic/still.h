@@ -36,9 +36,9 @@ static Attributes still_attributes(const Tile *tile, const Still *still, const S
         e[i] = sign * fma(x[p], y[q], -(x[q] * y[p]));
         sum += e[i];
     }
-    Lanes weights[6];
+    Weights weights[6];
     for (int i = 0; i < 3; i++) {
-        weights[i] = to_lanes(sum != 0.0 ? e[i] / sum : (LaneDoubles)(1.0 / 3.0));
+        weights[i] = to_weights(sum != 0.0 ? e[i] / sum : (LaneDoubles)(1.0 / 3.0));
         weights[i + 3] = 0.0f;
     }
     return blend_corners(s, weights);

@@ -55,10 +55,10 @@ static Attributes attributes_at(const Shaded *s, const Varying *v, const Lanes *
         e[i] = rest * (rest * b[0] + tau * b[1]) + tau * (rest * b[1] + tau * b[2]);
         sum += e[i];
     }
-    Lanes weights[6];
+    Weights weights[6];
     for (int i = 0; i < 3; i++) {
         LaneDoubles share = sum != 0.0 ? e[i] / sum : (LaneDoubles)(1.0 / 3.0);
-        weights[i] = to_lanes(share * rest), weights[i + 3] = to_lanes(share * tau);
+        weights[i] = to_weights(share * rest), weights[i + 3] = to_weights(share * tau);
     }
     return blend_corners(s, weights);
 }

@@ -9,7 +9,7 @@
 
 typedef struct {
     Interval interval;
-    float start[6], end[6]; // weights of the corners at the fragments
+    Weight start[6], end[6]; // of the corners at the fragments
     float t0, over;        // time of the first fragment, 1 / (time between them)
 } Varying;
 
@@ -28,14 +28,14 @@ static inline float span_depth(const Tile *tile, Span span, Place place, float t
 
 // Weights of the path's six corners where face `face` of its surface meets the sample; returns the
 // fragment's time within the segment.
-static float fragment_weights(const Surface *surface, int face, float x, float y, float *weights)
+static float fragment_weights(const Surface *surface, int face, Weight x, Weight y, Weight *weights)
 {
-    float xs[3], ys[3], e[3], sum = 0.0f, t = 0.0f;
+    Weight xs[3], ys[3], e[3], sum = 0.0f, t = 0.0f;
     for (int i = 0; i < 3; i++) {
         int c = FACE_CORNERS[face][i];
-        float w = surface->w[c], w_low = surface->w_low[c];
-        xs[i] = fma(-x, w, surface->x[c]) + fma(-x, w_low, surface->x_low[c]);
-        ys[i] = fma(-y, w, surface->y[c]) + fma(-y, w_low, surface->y_low[c]);
+        Weight w = surface->w[c], w_low = surface->w_low[c];
+        xs[i] = fma(-x, w, (Weight)surface->x[c]) + fma(-x, w_low, (Weight)surface->x_low[c]);
+        ys[i] = fma(-y, w, (Weight)surface->y[c]) + fma(-y, w_low, (Weight)surface->y_low[c]);
     }
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;
@@ -45,7 +45,7 @@ static float fragment_weights(const Surface *surface, int face, float x, float y
     for (int i = 0; i < 6; i++) weights[i] = 0.0f;
     for (int i = 0; i < 3; i++) {
         int c = FACE_CORNERS[face][i], side = c - 6, r = (side + 1) % 3;
-        float share = sum != 0.0f ? e[i] / sum : 1.0f / 3.0f;
+        Weight share = sum != 0.0f ? e[i] / sum : (Weight)1.0f / 3.0f;
         t += share * CORNER_TIME[c];
         if (c < 6) {
             weights[c] += share;
@@ -85,7 +85,7 @@ static INLINED Lanes varying_depth(const Varying *v, Lanes t)
 
 static Attributes attributes_at(const Shaded *s, const Varying *v, const Lanes *t)
 {
-    Lanes part = (*t - v->t0) * v->over, weights[6];
+    Weights part = lanes_to_weights(*t - v->t0) * v->over, weights[6];
     for (int i = 0; i < 6; i++) weights[i] = v->start[i] + part * (v->end[i] - v->start[i]);
     return blend_corners(s, weights);
 }

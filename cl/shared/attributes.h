@@ -18,6 +18,26 @@
 #endif
 #include "shared/shear.h"
 
+// Coordinates of textures, and weights of a path's corners: where one is millions of texels long its
+// texels are lost to float32.
+#if LARGE_UV()
+typedef double2 Uv;
+typedef double Weight;
+typedef LaneDoubles Weights;
+typedef Doubles HalfWeights;
+#define to_weights(doubles) (doubles)
+#define to_half_weights(doubles) (doubles)
+#define lanes_to_weights to_lane_doubles
+#else
+typedef float2 Uv;
+typedef float Weight;
+typedef Lanes Weights;
+typedef Floats HalfWeights;
+#define to_weights to_lanes
+#define to_half_weights to_floats
+#define lanes_to_weights(lanes) (lanes)
+#endif
+
 // A path as one sample sees it. Corners 0 1 2 are its vertices at the segment's start, 3 4 5 at its
 // end.
 typedef struct {
@@ -27,7 +47,7 @@ typedef struct {
     uint segment;
     Place place;
     float2 window; // when the sample is exposed
-    float2 uv[6];
+    Uv uv[6];
     float3 normal[6], color[6];
 #if VERTEX_ALPHA()
     float alpha[6];
@@ -44,6 +64,10 @@ typedef struct {
 // Attributes at sixteen times.
 typedef struct {
     Lanes u, v;
+#if LARGE_UV()
+    Lanes u_within, v_within; // less whole repeats
+    Lanes u_steps, v_steps;   // to the next lane
+#endif
     Lanes3 normal, color;
     Lanes circle;
 #if GLOSSY()
@@ -171,16 +195,74 @@ static void load_corners(const Scene *scene, Shaded *s)
 #endif
 }
 
-// Attributes at weights of the six corners; those that no effect asks for stay out.
-static inline Attributes blend_corners(const Shaded *s, const Lanes *weights)
+#if TEXTURED()
+static INLINED void blend_uv(const Shaded *s, const Weights *weights, Attributes *a)
 {
-    Attributes a = {0.0f, 0.0f, {0.0f, 0.0f, 0.0f}, {1.0f, 1.0f, 1.0f}, 0.0f};
+#if LARGE_UV()
+    LaneDoubles u = 0.0, v = 0.0;
+    for (int i = 0; i < 6; i++) u += weights[i] * s->uv[i].x, v += weights[i] * s->uv[i].y;
+    a->u = to_lanes(u), a->v = to_lanes(v);
+    a->u_within = to_lanes(u - 2.0 * floor(0.5 * u)); // two of what is mirrored are one
+    a->v_within = to_lanes(v - 2.0 * floor(0.5 * v));
+    a->u_steps = to_lanes(lane_doubles_steps(u)), a->v_steps = to_lanes(lane_doubles_steps(v));
+#else
+    for (int i = 0; i < 6; i++) a->u += weights[i] * s->uv[i].x, a->v += weights[i] * s->uv[i].y;
+#endif
+}
+
+// From each lane's texture coordinates to the next one's; 0 in the last.
+static INLINED Lanes steps_of_u(const Attributes *a)
+{
+#if LARGE_UV()
+    return a->u_steps;
+#else
+    return lanes_steps(a->u);
+#endif
+}
+
+static INLINED Lanes steps_of_v(const Attributes *a)
+{
+#if LARGE_UV()
+    return a->v_steps;
+#else
+    return lanes_steps(a->v);
+#endif
+}
+
+// Where a texture is looked up.
+static INLINED const Lanes *u_in(Texture texture, const Attributes *a)
+{
+#if LARGE_UV()
+    if (texture.wrap != WRAP_CLAMP) return &a->u_within;
+#endif
+    return &a->u;
+}
+
+static INLINED const Lanes *v_in(Texture texture, const Attributes *a)
+{
+#if LARGE_UV()
+    if (texture.wrap != WRAP_CLAMP) return &a->v_within;
+#endif
+    return &a->v;
+}
+#endif
+
+// Attributes at weights of the six corners; those that no effect asks for stay out.
+static inline Attributes blend_corners(const Shaded *s, const Weights *given)
+{
+    Attributes a = {.u = 0.0f, .v = 0.0f, .color = {1.0f, 1.0f, 1.0f}};
+#if LARGE_UV()
+    Lanes weights[6];
+    for (int i = 0; i < 6; i++) weights[i] = to_lanes(given[i]);
+#else
+    const Lanes *weights = given;
+#endif
 #if ANISOTROPY()
     Footprint point = {0.0f, 0.0f, 0.0f, 0.0f};
     a.footprint = point;
 #endif
 #if TEXTURED()
-    for (int i = 0; i < 6; i++) a.u += weights[i] * s->uv[i].x, a.v += weights[i] * s->uv[i].y;
+    blend_uv(s, given, &a);
 #endif
 #if LIT()
     for (int i = 0; i < 6; i++) a.normal = lanes_added(a.normal, weights[i], s->normal[i]);
@@ -234,12 +316,13 @@ static INLINED Lanes counted_alpha(const Shaded *s, Lanes alpha)
 static inline Colors texel_colors(const Scene *scene, uint texture, const Attributes *a,
                                   float level, int count)
 {
+    const Texture known = scene->textures[texture];
+    const Lanes *u = u_in(known, a), *v = v_in(known, a);
 #if ANISOTROPY()
-    const Filtered filtered = {scene->texels, scene->textures[texture], level,
-                               scene->numbers.anisotropy};
-    return texture_over(&filtered, &a->u, &a->v, &a->footprint, count);
+    const Filtered filtered = {scene->texels, known, level, scene->numbers.anisotropy};
+    return texture_over(&filtered, u, v, &a->footprint, count);
 #else
-    return texture_at(scene->texels, scene->textures[texture], &a->u, &a->v, level, count);
+    return texture_at(scene->texels, known, u, v, level, count);
 #endif
 }
 #endif
@@ -253,14 +336,15 @@ static INLINED Lanes given_alpha(const Scene *scene, const Shaded *s, const Attr
 #if TEXTURED()
     if (s->material.texture != NONE) {
         Texture texture = scene->textures[s->material.texture];
-        alpha *= texture_at(scene->texels, texture, &a->u, &a->v, 0.0f, count).alpha;
+        const Lanes *u = u_in(texture, a), *v = v_in(texture, a);
+        alpha *= texture_at(scene->texels, texture, u, v, 0.0f, count).alpha;
     }
 #endif
     return alpha;
 }
 
 // Alphas that count at weights of a path's corners at its segment's start and end.
-static INLINED Lanes alpha_at_weights(const Scene *scene, uint path, const Lanes *weights,
+static INLINED Lanes alpha_at_weights(const Scene *scene, uint path, const Weights *weights,
                                       int count)
 {
     Shaded s = load_shaded(scene, path);
@@ -293,12 +377,17 @@ static INLINED void load_footprint(const Scene *scene, const Shaded *s, float ta
     }
     for (int i = 0; i < 3; i++) {
         double3 edge = cross(vertex[(i + 1) % 3], vertex[(i + 2) % 3]);
-        float2 uv = s->uv[i] + tau * (s->uv[i + 3] - s->uv[i]);
+        Uv uv = s->uv[i] + tau * (s->uv[i + 3] - s->uv[i]);
         all += edge, u += (double)uv.x * edge, v += (double)uv.y * edge;
     }
     LaneDoubles at = all.x * to_lane_doubles(x) + all.y * to_lane_doubles(y) + all.z;
     LaneDoubles over = (double)scene->numbers.sample_spacing / at;
+#if LARGE_UV()
+    LaneDoubles us = (u.x * to_lane_doubles(x) + u.y * to_lane_doubles(y) + u.z) / at;
+    LaneDoubles vs = (v.x * to_lane_doubles(x) + v.y * to_lane_doubles(y) + v.z) / at;
+#else
     LaneDoubles us = to_lane_doubles(a->u), vs = to_lane_doubles(a->v);
+#endif
     a->footprint.u_right = footprint_side((u.x - us * all.x) * over);
     a->footprint.v_right = footprint_side((v.x - vs * all.x) * over);
     a->footprint.u_down = footprint_side((u.y - us * all.y) * over);

@@ -41,6 +41,7 @@
 #define MIRRORS() GIVEN(MB_MIRRORS) // some reflect what is there
 #define GLOSSY() GIVEN(MB_GLOSSY) // and blur it: samples draw points of a disc
 #define TEXTURED() GIVEN(MB_TEXTURED)
+#define LARGE_UV() GIVEN(MB_LARGE_UV) // so many texels away that float32 is too coarse
 #define VERTEX_COLOR() GIVEN(MB_VERTEX_COLOR)
 #define PHONG() GIVEN(MB_PHONG)
 #define METALLIC() GIVEN(MB_METALLIC)

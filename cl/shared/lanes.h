@@ -97,6 +97,7 @@ static INLINED float first_lane(Lanes a) { return a.s0; }
 
 // The next lane's value less each lane's; 0 in the last.
 static INLINED Lanes lanes_steps(Lanes a) { return a.s123456789abcdeff - a; }
+static INLINED LaneDoubles lane_doubles_steps(LaneDoubles a) { return a.s123456789abcdeff - a; }
 
 // By parts of four: Oclgrind takes halves of halves for unwritten.
 static INLINED bool any_lane(LaneMask mask)

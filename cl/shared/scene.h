@@ -12,7 +12,11 @@ typedef struct {
     global const Mesh *meshes;
     global const Material *materials;
     global const float *vertex_colors; // three per vertex and time
-    global const float *uvs;           // two
+#if LARGE_UV()
+    global const double *uvs;          // two
+#else
+    global const float *uvs;
+#endif
     global const float *normals;       // three
     global const Texture *textures;
     global const float4 *texels;

@@ -26,7 +26,53 @@ typedef struct {
     bool flat;
     Moving moving;
     Shaded shaded;
+#if LARGE_UV()
+    Vertex corner[6]; // x and y from the tile's middle
+#endif
 } Surface;
+
+#if LARGE_UV()
+typedef struct {
+    LaneDoubles x, y, w;
+} ExactVertex;
+
+static void load_exact_corners(const Tile *tile, Surface *surface)
+{
+    for (int i = 0; i < 6; i++) {
+        Vertex v = tile->scene.vertices[corner_vertex(surface->shaded.path, i)];
+        v.x -= (tile->x + HALF) * v.w, v.y -= (tile->y + HALF) * v.w;
+        surface->corner[i] = v;
+    }
+}
+
+// Vertex i at times tau, relative to the samples.
+static INLINED ExactVertex exact_vertex_at(const Surface *surface, int i, const Samples *samples,
+                                           LaneDoubles tau)
+{
+    const Vertex q = surface->corner[i], r = surface->corner[i + 3];
+    ExactVertex p = {q.x + tau * (r.x - q.x), q.y + tau * (r.y - q.y), q.w + tau * (r.w - q.w)};
+#if GLOSSY()
+    const Moving *m = &surface->moving;
+    if (m->sheared) {
+        Lanes near = to_lanes(tau);
+        p.x += to_lane_doubles(sheared_by(m, 0, i, samples, near)) * m->size;
+        p.y += to_lane_doubles(sheared_by(m, 1, i, samples, near)) * m->size;
+        p.w += to_lane_doubles(sheared_by(m, 2, i, samples, near)) * m->size;
+    }
+#endif
+#if LENS()
+    LaneDoubles circle = q.circle + tau * (r.circle - q.circle);
+    p.x += to_lane_doubles(samples->u) * circle, p.y += to_lane_doubles(samples->v) * circle;
+#endif
+    p.x -= to_lane_doubles(samples->x) * p.w, p.y -= to_lane_doubles(samples->y) * p.w;
+    return p;
+}
+
+static INLINED LaneDoubles exact_edge_of(ExactVertex a, ExactVertex b)
+{
+    return a.x * b.y - b.x * a.y;
+}
+#endif
 
 static void load_surface(const Tile *tile, uint path, Surface *surface)
 {
@@ -38,6 +84,9 @@ static void load_surface(const Tile *tile, uint path, Surface *surface)
     if (surface->flat) return;
     s->place.x = tile->x + HALF, s->place.y = tile->y + HALF, s->place.u = s->place.v = 0.0f;
     surface->moving = load_moving(tile, path);
+#if LARGE_UV()
+    load_exact_corners(tile, surface);
+#endif
     load_corners(&tile->scene, s);
 #if LIT()
     load_view(&tile->scene, s);
@@ -47,17 +96,27 @@ static void load_surface(const Tile *tile, uint path, Surface *surface)
 // Attributes of the surface at samples.
 static Attributes surface_attributes(const Surface *surface, const Samples *samples)
 {
-    const Moving *m = &surface->moving;
     const Shaded *s = &surface->shaded;
-    Lanes tau = time_in_segment(m, samples->t);
+#if LARGE_UV()
+    Weights tau = (to_lane_doubles(samples->t) - s->path.open) / path_length(s->path);
+    ExactVertex p[3];
+    for (int i = 0; i < 3; i++) p[i] = exact_vertex_at(surface, i, samples, tau);
+#define EDGE exact_edge_of
+#else
+    const Moving *m = &surface->moving;
+    Weights tau = time_in_segment(m, samples->t);
     Lanes3 p[3];
     for (int i = 0; i < 3; i++) p[i] = vertex_at(m, i, samples, tau);
-    Lanes e[3] = {edge_of(p[1], p[2]), edge_of(p[2], p[0]), edge_of(p[0], p[1])};
-    Lanes sum = (e[0] + e[1]) + e[2], weights[6];
+#define EDGE edge_of
+#endif
+    Weights e[3] = {EDGE(p[1], p[2]), EDGE(p[2], p[0]), EDGE(p[0], p[1])};
+#undef EDGE
+    Weights sum = (e[0] + e[1]) + e[2], weights[6];
     for (int i = 0; i < 3; i++) {
-        Lanes share = sum != 0.0f ? e[i] / sum : (Lanes)(1.0f / 3.0f);
+        Weights share = sum != 0.0f ? e[i] / sum : (Weights)((Weight)1.0f / 3.0f);
         // A mean place may lie outside of the triangle.
-        share = lanes_min(lanes_max(share, (Lanes)(0.0f)), (Lanes)(1.0f));
+        share = share > 0.0f ? share : (Weights)(0.0f);
+        share = share < 1.0f ? share : (Weights)(1.0f);
         weights[i] = share * (1.0f - tau), weights[i + 3] = share * tau;
     }
     return blend_corners(s, weights);
@@ -75,9 +134,10 @@ static Colors surface_colors(Tile *tile, const Surface *surface, const Samples *
     if (s->material.texture != NONE) {
         Texture texture = tile->scene.textures[s->material.texture];
 #if COUNT_TEXELS()
-        count_texels(tile, texture, a.u, a.v, count);
+        count_texels(tile, texture, *u_in(texture, &a), *v_in(texture, &a), count);
 #endif
-        Colors texel = texture_at(tile->scene.texels, texture, &a.u, &a.v, 0.0f, count);
+        Colors texel = texture_at(tile->scene.texels, texture, u_in(texture, &a),
+                                  v_in(texture, &a), 0.0f, count);
 #if ALPHA_VARIES()
         texel = unpremultiplied(texel);
 #endif
@@ -119,8 +179,10 @@ static INLINED Lanes alpha_at_samples(Tile *tile, const Surface *surface, const 
     const Shaded *s = &surface->shaded;
     Attributes a = surface_attributes(surface, samples);
 #if COUNT_TEXELS()
-    if (s->material.texture != NONE)
-        count_texels(tile, tile->scene.textures[s->material.texture], a.u, a.v, LANES);
+    if (s->material.texture != NONE) {
+        Texture texture = tile->scene.textures[s->material.texture];
+        count_texels(tile, texture, *u_in(texture, &a), *v_in(texture, &a), LANES);
+    }
 #endif
     return counted_alpha(s, given_alpha(&tile->scene, s, &a, LANES));
 }

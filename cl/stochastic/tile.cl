@@ -73,7 +73,12 @@ kernel void tile(
     Numbers numbers, TileGrid grid, Frame frame,
     global const Vertex *vertices, global const Path *paths, global const Bounds *bounds,
     global const Mesh *meshes, global const Material *materials,
-    global const float *vertex_colors, global const float *uvs, global const float *normals,
+    global const float *vertex_colors, global const float *normals,
+#if LARGE_UV()
+    global const double *uvs,
+#else
+    global const float *uvs,
+#endif
     global const Texture *textures, global const float4 *texels,
     global const Light *lights, global const Camera *cameras, global const Slot *slots,
     global const float *filter, global const ShutterKey *shutter, global const float *background,

@@ -113,9 +113,9 @@ static INLINED Lanes passed_share(const Occluders *o, uint index, const Rays *r,
 #if ALPHA_VARIES()
     if (path.alpha < 0.0f) {
         LaneDoubles sum = (shares[0] + shares[1]) + shares[2];
-        Lanes tau = (r->t - path.open) / path_length(path), weights[6];
+        Weights tau = (lanes_to_weights(r->t) - path.open) / path_length(path), weights[6];
         for (int i = 0; i < 3; i++) {
-            Lanes share = to_lanes(sum != 0.0 ? shares[i] / sum : (LaneDoubles)(1.0 / 3.0));
+            Weights share = to_weights(sum != 0.0 ? shares[i] / sum : (LaneDoubles)(1.0 / 3.0));
             weights[i] = share * (1.0f - tau), weights[i + 3] = share * tau;
         }
         return 1.0f - alpha_at_weights(o->scene, index, weights, LANES);

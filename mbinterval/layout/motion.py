@@ -23,6 +23,8 @@ from mbinterval.layout.appearance import DEFAULT_MATERIAL
 from mbinterval.scene.model import Material
 
 _JOB_VERTICES = 4096
+_TEXEL_PART = 2.0**-10
+"""Most that float32 may round texture coordinates by, in texels."""
 
 Record = NDArray[np.void]
 
@@ -42,7 +44,8 @@ class Motion:
         triangles, mirrors and what is seen in them, mesh by mesh, segment by segment, face by face.
     meshes
         One record per mesh, which points into ``color`` (three floats, or four where any mesh has
-        an alpha of its vertices that counts), ``uv`` (two) and ``normal`` (three).
+        an alpha of its vertices that counts), ``uv`` (two) and ``normal`` (three). ``uv`` is
+        float64 where a texture is looked up so far away that float32 is too coarse for its texels.
     materials
         The materials that the mesh records name, by index.
     objects
@@ -65,7 +68,7 @@ class Motion:
     meshes: Record
     materials: tuple[Material, ...]
     color: NDArray[np.float32]
-    uv: NDArray[np.float32]
+    uv: NDArray[np.float32] | NDArray[np.float64]
     normal: NDArray[np.float32]
     objects: NDArray[np.uint32]
     places: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
@@ -81,6 +84,8 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
     material_index = {key: index for index, key in enumerate(materials)}
     sizes = {"color": 4 if any(map(has_vertex_alpha, meshes)) else 3, "uv": 2, "normal": 3}
     pools = {name: _Pool(size) for name, size in sizes.items()}
+    if any(map(has_large_uv, meshes)):
+        pools["uv"].dtype = np.float64
     table = np.zeros(len(meshes), records.MESH)
     jobs, world_jobs, paths = [], [], []
     unmirrored: dict[tuple[int, float], tuple[MeshExposure, int]] = {}
@@ -116,7 +121,7 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
         materials=tuple(materials.values()),
         objects=np.array([0, *(mesh.index + 1 for mesh in meshes)], np.uint32),
         color=_joined(pools["color"].arrays, np.float32),
-        uv=_joined(pools["uv"].arrays, np.float32),
+        uv=_joined(pools["uv"].arrays, pools["uv"].dtype),
         normal=_joined(pools["normal"].arrays, np.float32),
     )
 
@@ -124,6 +129,15 @@ def lay_out(exposure: Exposure, width: int, height: int) -> Motion:
 def in_order(exposure: Exposure) -> list[MeshExposure]:
     """Return the meshes in the order of their records: those of ``static_paths`` first."""
     return sorted(exposure.meshes, key=lambda mesh: not _is_static(mesh))
+
+
+def has_large_uv(mesh: MeshExposure) -> bool:
+    """Whether its texture coordinates, in float32, would miss texels by ``_TEXEL_PART`` or more."""
+    if mesh.uv is None or not mesh.uv.size:
+        return False
+    sizes = [texture.image.shape[1::-1] for texture in _material(mesh).textures]
+    farthest = np.abs(mesh.uv).max(axis=(0, 1))
+    return any(np.any(farthest * size > _TEXEL_PART * 2.0**24) for size in sizes)
 
 
 def _is_static(mesh: MeshExposure) -> bool:
@@ -154,7 +168,8 @@ class _Pool:
 
     def __init__(self, size: int) -> None:
         self.size, self.count = size, 0
-        self.arrays: list[NDArray[np.float32]] = []
+        self.dtype: type[np.floating[Any]] = np.float32
+        self.arrays: list[NDArray[Any]] = []
 
     def add(self, values: NDArray[Any]) -> int:
         """Append values, cut to the pool's size or filled up with ones; returns their place."""
@@ -162,7 +177,7 @@ class _Pool:
         if missing > 0:
             values = np.concatenate([values, np.ones((*values.shape[:-1], missing))], axis=-1)
         values = values[..., : self.size]
-        self.arrays.append(values.astype(np.float32, copy=False).ravel())
+        self.arrays.append(values.astype(self.dtype, copy=False).ravel())
         self.count += values.size // self.size
         return start
 

@@ -15,6 +15,7 @@ from mbinterval.exposure.exposure import reflecting
 from mbinterval.film.aovs import MACROS, MOMENTARY, RECORDED
 from mbinterval.layout.alpha import has_vertex_alpha, is_translucent, varies
 from mbinterval.layout.appearance import casting
+from mbinterval.layout.motion import has_large_uv
 from mbinterval.plan.sampling import filter_of, pattern_of
 from mbinterval.settings.rules import ANALYTIC
 from mbinterval.settings.settings import Settings
@@ -179,6 +180,7 @@ def _shading(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
     glowing = [m.name for m in motion.materials if m.shading != "unlit" and any(m.emission)]
     lit = bool(phong or metallic)
     textured = [m.name for m in motion.materials if m.textures]
+    far = [mesh.mesh.name for mesh in exposure.meshes if not mesh.world and has_large_uv(mesh)]
     colored = [m.mesh.name for m in exposure.meshes if m.color is not None and not m.world]
     kinds = [light.kind for light in exposure.lights]
     spots = kinds.count("spot")
@@ -199,6 +201,7 @@ def _shading(exposure: Exposure, motion: Motion, settings: Settings) -> tuple[Ef
         Effect("spot lights", lit and spots > 0, cones, "SPOT_LIGHTS"),
         Effect("shadows", lit and casters > 0, darkness, "SHADOWS"),
         Effect("texture", bool(textured), _named("material", textured), "TEXTURED"),
+        Effect("texture over many repeats", bool(far), _named("mesh", far), "LARGE_UV"),
         Effect("vertex colour", bool(colored), _named("mesh", colored), "VERTEX_COLOR"),
     )  # fmt: skip
 

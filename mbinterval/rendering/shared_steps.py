@@ -123,7 +123,7 @@ def start_work(runtime: Runtime, ready: Prepared) -> Work:
     work.upload("Path", "paths", motion.paths)
     work.upload("Mesh", "meshes", motion.meshes)
     work.upload("float", "vertex_colors", motion.color)
-    work.upload("float", "uvs", motion.uv)
+    work.upload("double" if motion.uv.dtype == np.float64 else "float", "uvs", motion.uv)
     work.upload("float", "normals", motion.normal)
     work.upload("Material", "materials", looks.materials)
     work.upload("Texture", "textures", looks.textures)

@@ -82,6 +82,11 @@ def seen_through() -> list[Mesh]:
     ]
 
 
+def repeated(meshes: list[Mesh]) -> list[Mesh]:
+    """The same, their textures thousands of repeats away."""
+    return [mesh if mesh.uv is None else replace(mesh, uv=mesh.uv + 3e4) for mesh in meshes]
+
+
 def chromed() -> list[Mesh]:
     """Metals that mirror the environment and their own surroundings, moving and at rest; glass."""
     rng = np.random.default_rng(4)
@@ -197,6 +202,10 @@ SCENES = {
     ),
     "translucent": Small(seen_through, {"samples": 2, "texture_samples": 18}),
     "textures over footprints": Small(colorful, {"samples": 1, "anisotropy": 3}, Camera(**LENS)),
+    "textures repeated": Small(
+        lambda: repeated(seen_through()), {"samples": 1, "anisotropy": 2, "aovs": LAYERS},
+        scene={"lights": LAMPS[:2]},
+    ),
     "translucent, adaptive": Small(seen_through, {"samples": 1, "shading_error": 0.02}),
     "translucent, layers": Small(
         seen_through, {"samples": 1, "aovs": LAYERS}, Camera(**LENS), {"shutter": ROLL}
@@ -248,6 +257,9 @@ SCENES = {
     "triangulated, pools grow": Small(
         crowd, {"samples": 1, "paths": "triangulated", "occlusion": 32}, capacity=48
     ),
+    "triangulated, textures repeated": Small(
+        lambda: repeated(colorful()), {"samples": 1, "paths": "triangulated", "occlusion": 32}
+    ),
     "stochastic": Small(colorful, {"samples": 3} | POINTS),
     "stochastic, lens": Small(
         colorful, {"samples": 4, "cull": "hull", "cull_tile": 4} | POINTS, Camera(**LENS, blades=5)
@@ -276,6 +288,10 @@ SCENES = {
         scene={"shutter": ROLL},
     ),
     "stochastic, translucent": Small(seen_through, {"samples": 3} | POINTS),
+    "stochastic, textures repeated": Small(
+        lambda: repeated(seen_through() + mirrored(0.2)), {"samples": 3} | POINTS, Camera(**LENS),
+        {"lights": LAMPS[:2]},
+    ),
     "stochastic, mirrors": Small(mirrored, {"samples": 3} | POINTS),
     "stochastic, glossy mirrors": Small(
         lambda: mirrored(0.2), {"samples": 3} | POINTS, Camera(**LENS)

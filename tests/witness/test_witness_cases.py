@@ -284,7 +284,6 @@ def test_what_appears_is_lit_in_a_mirror():
 # Precision
 
 
-@wrong("issue 18: uv and its weighted sum are float32")
 def test_a_ground_of_many_repeats_is_as_sharp_as_one_cut_into_squares():
     rng = np.random.default_rng(3)
     texture = Texture(rng.uniform(size=(64, 64, 3)))

@@ -12,6 +12,7 @@ METAL = {"shading": "metallic_roughness"}
 KINDS: dict[str, Effects] = {
     "motion alone": Effects(),
     "textures": Effects(texture="color"),
+    "textures repeated": Effects(texture="far", **LIT),
     "vertex colours": Effects(color="vertex"),
     "Phong, sun": Effects(**LIT, texture="all"),
     "Phong, lamp": Effects(**LIT, lights="lamps"),

@@ -44,7 +44,7 @@ AXES: dict[str, tuple[str, ...]] = {
     "shading": ("unlit", "phong", "metallic_roughness", "mixed"),
     "lights": ("sun", "lamps", "spots"),
     "shadows": ("", "", "shadows"),
-    "texture": ("", "color", "all"),
+    "texture": ("", "color", "all", "far"),
     "color": ("", "face", "vertex"),
     "alpha": ("opaque", "opaque", "blend", "varying", "mask"),
     "sides": ("double", "single"),
@@ -252,6 +252,8 @@ class _Builder:
         e, count, faces = self.effects, len(given["positions"]), len(given["faces"])
         if e.texture or e.alpha == "varying":
             given["uv"] = given["positions"][:, :2] * self.between(0.4, 1.2) + 0.5
+            if e.texture == "far":  # thousands of repeats from where float32 is fine enough
+                given["uv"] = given["uv"] + self.between(-3e4, 3e4, 2)
         if e.color == "face":
             given |= {"color": self.between(0.2, 1.0, faces, 3), "color_domain": "face"}
         elif e.color == "vertex":
@@ -367,7 +369,7 @@ class _Builder:
         if shading == "metallic_roughness":
             given |= {"metallic": float(self.pick(0.0, 0.5, 1.0)),
                       "roughness": float(self.between(0.4, 0.9))}  # fmt: skip
-        if shading != "unlit" and e.texture == "all":
+        if shading != "unlit" and e.texture in ("all", "far"):
             given["emission"] = tuple(self.between(0.0, 0.3, 3))
             given["emission_texture"] = self.texture(3)
             if shading == "metallic_roughness" and e.around not in ("light", "sky"):
@@ -384,7 +386,11 @@ class _Builder:
 
     def texture(self, channels: int) -> Texture:
         image = self.between(0.1, 1.0, self.pick(3, 4), self.pick(4, 5), channels)
-        return Texture(image, wrap=self.pick("repeat", "clamp", "mirror"))
+        # What is clamped has one colour far away.
+        wraps = (
+            ("repeat", "mirror") if self.effects.texture == "far" else ("repeat", "clamp", "mirror")
+        )
+        return Texture(image, wrap=self.pick(*wraps))
 
     # All else
 
