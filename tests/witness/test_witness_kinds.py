@@ -1,7 +1,6 @@
 """One fixed scene of each kind agrees with the witness, which tells small errors of it.
 
-A shutter a hundredth late and a film that is 1 % brighter are told apart from noise; of the kinds
-in ``FAINT``, which are sampled all over the pixel and move little, a shutter three hundredths late.
+Of all kinds a shutter a hundredth late and a film that is 1 % brighter are told from noise.
 """
 
 from __future__ import annotations
@@ -21,10 +20,6 @@ from support.nightly import nightly_but
 DAILY = ("textures", "shadows of a sun", "transparency", "glossy mirrors", "blades",
          "rolling left or right", "layers of a moment", "environment behind")  # fmt: skip
 
-NOISY = ("Gaussian filter", "Mitchell filter", "Cryptomatte", "deep images", "point samples, lens")
-SLOW = ("Cryptomatte", "deep images")
-"""Kinds whose first scene hardly moves."""
-FAINT = ("Gaussian filter", "Mitchell filter", "Cryptomatte", "deep images")
 TOLD = 1e-5
 """Probability below which a film with an error counts as told apart."""
 
@@ -41,12 +36,11 @@ def late(case: Case, part: float) -> Case:
 
 @pytest.mark.parametrize("name", nightly_but(KINDS, *DAILY))
 def test_kind(name):
-    finely = 256 if name in NOISY else 64
-    case = kind_case(name, 2 if name in SLOW else 1, finely)
+    case = kind_case(name, KINDS[name].seed, KINDS[name].strata)
     given = films(case.scene, case.frame, SIZE, case.repeats, **case.settings)
     result = compare(case, given=given)
     assert result.agrees, result
-    shifted = late(case, 0.03 if name in FAINT else 0.01)
+    shifted = late(case, 0.01)
     others = films(shifted.scene, case.frame, SIZE, case.repeats, **case.settings)
     seen = film(case.scene, case.frame, SIZE, case.asked).rgba
     # The same instants and places of a late shutter: what a late film would differ by.

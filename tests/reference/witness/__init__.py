@@ -17,5 +17,9 @@ is imported from `mbinterval` here but by `product`, which makes scenes and rend
     film        the mean over instants, with independent repeats
     moment      what the pixels' centres see at one moment
     streams     events: what they add up to, when each is seen, what an event camera reports
+    gltf        glTF files, by the specification
     judge       whether two films differ by more than their noise
+
+Scenes are drawn by `scenes`, `kinds` (one of each kind of effect) and `gltf_scenes` (files).
+`compare` renders them, looks at them and judges.
 """

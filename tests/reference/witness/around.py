@@ -109,7 +109,15 @@ def mirrored_by_draws(
     return found
 
 
-@lru_cache(maxsize=8)
+def mean_cosine(alpha: np.ndarray, count: int = 400) -> np.ndarray:
+    """Of directions that facets of GGX's ``alpha`` ``(n,)`` mirror for a view head-on."""
+    part = (np.arange(count) + 0.5) / count
+    each, back = np.unique(alpha, return_inverse=True)
+    angle = 2.0 * np.arctan(each[:, None] * np.sqrt(part / (1.0 - part)))
+    return np.maximum(np.cos(angle), 0.0).mean(axis=1)[back]
+
+
+@lru_cache(maxsize=64)
 def shares(roughness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Cosines to the view, and what one bounce off GGX facets makes of light that is 1 all around.
 
@@ -119,8 +127,8 @@ def shares(roughness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     alpha = max(roughness, LEAST_ROUGHNESS) ** 2
     cosine = np.linspace(0.0, 1.0, 65)[1:]
     # Half vectors by tan(angle) = alpha tan(s), with s even: fine where the distribution is.
-    s = (np.arange(200) + 0.5) / 200 * 0.5 * np.pi
-    turn = ((np.arange(64) + 0.5) / 64 * np.pi)[None]
+    s = (np.arange(300) + 0.5) / 300 * 0.5 * np.pi
+    turn = ((np.arange(90) + 0.5) / 90 * np.pi)[None]
     tangent = alpha * np.tan(s)[:, None]
     up = 1.0 / np.sqrt(1.0 + tangent**2)
     out = tangent * up
@@ -128,7 +136,7 @@ def shares(roughness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     slope = alpha / (np.cos(s) ** 2 + alpha**2 * np.sin(s) ** 2)
     spread = up**2 * (alpha**2 - 1.0) + 1.0
     density = alpha**2 / (np.pi * spread**2)
-    solid = density * out * slope[:, None] * (0.5 * np.pi / 200) * (2.0 * np.pi / 64)
+    solid = density * out * slope[:, None] * (0.5 * np.pi / 300) * (2.0 * np.pi / 90)
     factor, added = np.zeros_like(cosine), np.zeros_like(cosine)
     for i, c in enumerate(cosine):
         facing = np.sqrt(1.0 - c * c) * out * np.cos(turn) + c * up

@@ -92,18 +92,18 @@ class File:
         return pixels
 
 
-def read(path: Path, fps: float = FPS) -> SimpleNamespace:
-    """The scene of a file, by its first animation and its first camera."""
-    return _Reader(File(path), fps).scene()
+def read(path: Path, fps: float = FPS, clip: int = 0) -> SimpleNamespace:
+    """The scene of a file, by one animation and its first camera."""
+    return _Reader(File(path), fps, clip).scene()
 
 
 class _Reader:
-    def __init__(self, file: File, fps: float) -> None:
+    def __init__(self, file: File, fps: float, clip: int) -> None:
         self.file, self.fps = file, fps
         self.tracks: dict[tuple[int, str], SimpleNamespace] = {}
-        for clip in file.of("animations")[:1]:
-            for channel in clip["channels"]:
-                sampler = clip["samplers"][channel["sampler"]]
+        for moves in file.of("animations")[clip : clip + 1]:
+            for channel in moves["channels"]:
+                sampler = moves["samplers"][channel["sampler"]]
                 target = channel["target"]
                 self.tracks[target["node"], target["path"]] = self.track(sampler, target["path"])
         self.nodes: dict[int, SimpleNamespace] = {}

@@ -32,17 +32,19 @@ from .product import (
     Track,
     Transform,
 )
+from .tracks import rotations
 
 SIZE = (16, 12)
 
 AXES: dict[str, tuple[str, ...]] = {
     "method": ("analytic", "analytic", "analytic", "stochastic", "accumulation"),
     "camera": ("still", "moving", "moving"),
+    "keys": ("outside",),  # "inside" the shutter: test_witness_left_out.py
     "lens": ("pinhole", "pinhole", "round", "blades", "pull"),
     "curve": ("box", "curve"),
     "rolling": ("", "", "rows", "columns"),
     "shading": ("unlit", "phong", "metallic_roughness", "mixed"),
-    "lights": ("sun", "lamps", "spots"),
+    "lights": ("sun", "lamps", "spots"),  # "moving": test_witness_left_out.py
     "shadows": ("", "", "shadows"),
     "texture": ("", "color", "all"),
     "color": ("", "face", "vertex"),
@@ -70,6 +72,7 @@ class Effects:
 
     method: str = "analytic"
     camera: str = "still"
+    keys: str = "outside"
     lens: str = "pinhole"
     curve: str = "box"
     rolling: str = ""
@@ -193,6 +196,7 @@ class _Builder:
     def __init__(self, recipe: Recipe) -> None:
         self.recipe, self.effects, self.count = recipe, recipe.effects, recipe.meshes
         self.rng = np.random.default_rng([recipe.seed, recipe.meshes])
+        self.more = np.random.default_rng([recipe.seed, recipe.meshes, 2])  # of what came later
         self.frame = float(self.rng.choice([0.0, 3.0, -2.0]))
         self.open, self.close = ((-0.25, 0.25), (0.0, 0.5), (-0.5, 0.5))[self.rng.integers(3)]
 
@@ -313,7 +317,7 @@ class _Builder:
 
     def turn(self, given: dict[str, Any], centre: np.ndarray) -> None:
         ends = self.between(-1.0, 1.0, 2, 4) + [0, 0, 0, 0.3]
-        track = Track(self.frame + np.array([-1.0, 1.0]), ends, "linear", True)
+        track = self.track(ends, True)
         given["transform"] = Transform(translation=tuple(centre), rotation=track)
 
     def spline(self, given: dict[str, Any], centre: np.ndarray) -> None:
@@ -375,9 +379,20 @@ class _Builder:
         given |= self.pick({"shutter_scale": 0.5}, {"shutter_scale": 1.5}, {"motion_blur": False})
 
     def keys(self, middle: np.ndarray, reach: float) -> Track:
-        """Two keys a frame or more before and after the shutter, so that nothing bends in it."""
-        ends = middle + self.between(-reach, reach, 2, len(middle))
-        return Track(self.frame + np.array([-1.0, 1.0]), ends)
+        """Keys about ``middle``, no more than ``reach`` away."""
+        return self.track(middle + self.between(-reach, reach, 2, len(middle)))
+
+    def track(self, ends: np.ndarray, quaternion: bool = False) -> Track:
+        """Two keys half a frame or more beyond the shutter, so that nothing bends in it.
+
+        If keys lie inside of it, a third one does.
+        """
+        frames = self.frame + np.array([-1.0, 1.0])
+        if self.effects.keys == "inside":
+            part = self.more.uniform(0.1, 0.9)
+            frames = np.insert(frames, 1, self.frame + self.open + part * (self.close - self.open))
+            ends = np.insert(ends, 1, self.more.permutation(ends.ravel()).reshape(2, -1)[0], axis=0)
+        return Track(frames, ends, "linear", quaternion)
 
     def wall(self) -> Mesh:
         """Rests behind everything, and takes shadows."""
@@ -416,7 +431,7 @@ class _Builder:
             given |= {"specular": (0.3, 0.2, 0.1), "shininess": float(self.between(3, 20))}
         if shading == "metallic_roughness":
             given |= {"metallic": float(self.pick(0.0, 0.5, 1.0)),
-                      "roughness": float(self.between(0.4, 0.9))}  # fmt: skip
+                      "roughness": float(self.between(0.4, 0.9).round(1))}  # fmt: skip
         if shading != "unlit" and e.texture == "all":
             given["emission"] = tuple(self.between(0.0, 0.3, 3))
             given["emission_texture"] = self.texture(3)
@@ -476,11 +491,26 @@ class _Builder:
             found.append(sun)
         elif e.lights == "lamps":
             found.append(Light("point", position=tuple(place), intensity=6.0, shadows=cast))
+        elif e.lights == "moving":
+            way = Transform(translation=self.keys(place, 1.0))
+            return [*found, Light("point", intensity=6.0, shadows=cast, transform=way)]
         else:
             aim = self.between(-0.5, 0.5, 3) - place
             found.append(Light("spot", position=tuple(place), direction=tuple(aim), intensity=9.0,
                                inner_angle=8.0, outer_angle=25.0, shadows=cast))  # fmt: skip
-        return found
+        return [found[0], self.placed(found[1])]
+
+    def placed(self, light: Light) -> Light:
+        """A light that shines as before, but is moved there by a transform, at times."""
+        if self.more.integers(2):
+            return light
+        axis = self.more.normal(size=4)
+        turn = rotations(axis[None])[0]
+        there = Transform(translation=(0.4, -0.3, 0.2), rotation=tuple(axis))
+        return replace(
+            light, transform=there, direction=tuple(turn.T @ light.direction),
+            position=tuple(turn.T @ (np.array(light.position) - [0.4, -0.3, 0.2])),
+        )  # fmt: skip
 
     def background(self) -> Any:
         if self.effects.around == "image":

@@ -215,12 +215,52 @@ class World:
             if self.casting[index]:
                 strength = strength * self._passing(group, face, points, towards * distance)
             found += arriving * strength[:, None] * light.reflected(towards)
-        if self.scene.environment is not None:
-            found += light.around(self.scene.environment)
+        found += self._around(light, rays, points, face)
         emission = np.asarray(material.emission, np.float64)
         if material.emission_texture is not None:
             emission = emission * looked_up(material.emission_texture, uv, False)[:, :3]
         return found + emission, alpha
+
+    def _around(self, light: _Lit, rays: Rays, points: np.ndarray, face: np.ndarray) -> np.ndarray:
+        """What points of one material make of an environment, or of what is around their mesh."""
+        environment = self.scene.environment
+        found = np.zeros_like(points)
+        if environment is not None:
+            found += light.scattered(around.scattered(environment, light.normal))
+        if light.material.shading != "metallic_roughness":
+            return found
+        own = self.still.mesh[face]
+        for mesh in np.unique(own):
+            on, asked = np.flatnonzero(own == mesh), self.scene.meshes[mesh].reflections
+            some = light.chosen(on)
+            if asked is not None:
+                way, share = some.drawn(rays.disc[on])
+                mirrored = share[:, None] * self._reflections(asked, rays.group[on], way)
+            elif environment is not None:
+                mirrored = some.mirrored(environment)
+            else:
+                continue
+            found[on] += some.shine(mirrored)
+        return found
+
+    def _reflections(self, asked: Any, group: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """What the middle of the meshes that ``asked`` sees in directions ``way``, without them."""
+        scene = self.scene
+        gone = np.array([mesh.reflections is asked for mesh in scene.meshes])[self.still.mesh]
+        corners = self.still.corners[:, gone].reshape(len(self.still.frames), -1, 3)
+        middle = 0.5 * (corners.min(axis=1) + corners.max(axis=1))[group]
+        behind = np.asarray(scene.background, np.float64)
+        behind = np.broadcast_to(behind.reshape(-1, 3).mean(axis=0), way.shape)
+        if scene.environment is not None:
+            behind = around.seen(scene.environment, way)
+        rays, found = Rays(group, middle, way, middle, behind), np.zeros_like(way)
+        for part in _blocks(len(way), self.triangles.faces):
+            some = rays.chosen(part)
+            hits = self.triangles.meet(some.group, some.start, some.way)
+            hits.distance[:, gone] = np.inf
+            seen = self.look(some, hits)
+            found[part] = seen.color + seen.left[:, None] * some.behind
+        return found
 
     def _passing(
         self, group: np.ndarray, face: np.ndarray, points: np.ndarray, way: np.ndarray
@@ -298,23 +338,57 @@ class _Lit:
         both = (1.0 - fresnel) * self.diffuse / np.pi + fresnel * specular
         return np.where(lit, np.pi * cosine, 0.0)[:, None] * both
 
-    def around(self, environment: Any) -> np.ndarray:
-        scattered = around.scattered(environment, self.normal)
-        if self.material.shading == "phong":
-            return self.color * scattered
+    def chosen(self, on: np.ndarray) -> _Lit:
+        parts = (self.color, self.normal, self.view, self.metallic, self.roughness)
+        return _Lit(self.material, *(part[on] for part in parts))
+
+    @property
+    def way(self) -> np.ndarray:
+        """Where a clear mirror shows the view to come from."""
+        along = np.sum(self.normal * self.view, axis=1)[:, None]
+        return 2.0 * along * self.normal - self.view
+
+    def shares(self) -> np.ndarray:
+        """``(3, n, 1)``: of what is mirrored times its colour, besides, and lost by Lambert's."""
         n_v = np.clip(np.sum(self.normal * self.view, axis=1), 0.0, 1.0)
-        found = np.zeros_like(self.color)
+        found = np.zeros((3, len(n_v), 1))
         for roughness in np.unique(self.roughness):  # constant, but where a texture says it
             on = self.roughness == roughness
             cosine, *tables = around.shares(float(roughness))
-            factor, added, lost = (np.interp(n_v[on], cosine, t)[:, None] for t in tables)
-            way = 2.0 * np.sum(self.normal[on] * self.view[on], axis=1)[:, None] * self.normal[on]
-            alpha = max(float(roughness), around.LEAST_ROUGHNESS) ** 2
-            mirrored = around.mirrored(environment, way - self.view[on], alpha)
-            head_on, diffuse = self.head_on[on], self.diffuse[on]
-            found[on] = diffuse * (1.0 - head_on) * (1.0 - lost) * scattered[on]
-            found[on] += mirrored * (head_on * factor + added)
+            found[:, on] = np.stack([np.interp(n_v[on], cosine, t)[:, None] for t in tables])
         return found
+
+    def scattered(self, light: np.ndarray) -> np.ndarray:
+        """Of light from all around, whose integral over pi at each normal is ``light``."""
+        if self.material.shading == "phong":
+            return self.color * light
+        return self.diffuse * (1.0 - self.head_on) * (1.0 - self.shares()[2]) * light
+
+    def shine(self, mirrored: np.ndarray) -> np.ndarray:
+        """Of light ``mirrored`` that facets have for a view head-on (split sum, Karis 2013)."""
+        factor, added, _ = self.shares()
+        return mirrored * (self.head_on * factor + added)
+
+    def mirrored(self, environment: Any) -> np.ndarray:
+        found, way = np.zeros_like(self.color), self.way
+        for roughness in np.unique(self.roughness):
+            on = self.roughness == roughness
+            alpha = max(float(roughness), around.LEAST_ROUGHNESS) ** 2
+            found[on] = around.mirrored(environment, way[on], alpha)
+        return found
+
+    def drawn(self, disc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One direction about the mirrored one for each point of a disc, and what it weighs."""
+        alpha = np.maximum(self.roughness, around.LEAST_ROUGHNESS) ** 2
+        square = np.sum(disc**2, axis=1)
+        angle = 2.0 * np.arctan(alpha * np.sqrt(square / np.maximum(1.0 - square, 1e-12)))
+        share = np.maximum(np.cos(angle), 0.0) / around.mean_cosine(alpha)
+        way = _unit(self.way)
+        first = np.cross(way, np.where(np.abs(way[:, :1]) < 0.7, [1.0, 0, 0], [0.0, 1.0, 0.0]))
+        first = _unit(first)
+        turn = disc / np.sqrt(np.maximum(square, 1e-30))[:, None]
+        aside = turn[:, :1] * first + turn[:, 1:] * np.cross(way, first)
+        return np.cos(angle)[:, None] * way + np.sin(angle)[:, None] * aside, share
 
 
 def _placed(light: Any, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

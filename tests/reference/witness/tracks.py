@@ -57,12 +57,30 @@ def rotations(quaternions: np.ndarray) -> np.ndarray:
     return np.eye(3) + 2.0 * w[:, None, None] * cross + 2.0 * cross @ cross
 
 
+def euler_rotations(degrees: np.ndarray, order: str) -> np.ndarray:
+    """``(T, 3, 3)`` of turns about the fixed axes x, y, z, the first of ``order`` first."""
+    found = np.broadcast_to(np.eye(3), (len(degrees), 3, 3))
+    for axis in map("xyz".index, order):
+        half = np.radians(degrees[:, axis]) / 2.0
+        quaternions = np.zeros((len(degrees), 4))
+        quaternions[:, axis], quaternions[:, 3] = np.sin(half), np.cos(half)
+        found = rotations(quaternions) @ found
+    return found
+
+
 def matrices(node: Any, frames: np.ndarray) -> np.ndarray:
-    """World matrices ``(T, 4, 4)`` of a node: parent * translation * rotation * scale * matrix."""
+    """World matrices ``(T, 4, 4)`` of a node: parent * translation * rotation * scale * matrix.
+
+    A node of the witness's own may have ``euler`` angles instead of a rotation, each of which goes
+    its own way.
+    """
     if node is None:
         return np.broadcast_to(np.eye(4), (len(frames), 4, 4))
     local = np.zeros((len(frames), 4, 4))
-    turn = rotations(at(node.rotation, frames))
+    if getattr(node, "euler", None) is None:
+        turn = rotations(at(node.rotation, frames))
+    else:
+        turn = euler_rotations(at(node.euler, frames), node.euler_order)
     local[:, :3, :3] = turn * at(node.scale, frames)[:, None, :]
     local[:, :3, 3] = at(node.translation, frames)
     local[:, 3, 3] = 1.0
