@@ -1,6 +1,6 @@
 """Scenes that combine effects at random, against the witness (``tests/reference/witness``).
 
-``MB_WITNESS=10000`` tries so many, of 400 sets of effects; 300 of 8 sets are tried each time. A
+``MB_WITNESS=10000`` tries so many, of 400 sets of effects; 300 of 10 sets are tried each time. A
 scene is a `Recipe`, effects and a seed, which a failure prints: what was found is kept in ``KEPT``.
 """
 
@@ -27,10 +27,10 @@ from reference.witness.product import (
     films,
     render,
 )
-from reference.witness.scenes import SIZE, Effects, Recipe, build, recipes
+from reference.witness.scenes import AXES, SIZE, Effects, Recipe, build, effect_sets, recipes
 from support.nightly import nightly
 
-DAILY, DAILY_SETS = 300, 8
+DAILY, DAILY_SETS = 300, 10
 NIGHTLY, NIGHTLY_SETS = int(os.environ.get("MB_WITNESS", "10000")), 400
 
 
@@ -60,6 +60,17 @@ def test_random_scenes_are_what_the_witness_sees():
 @pytest.mark.parametrize("count", [nightly(NIGHTLY)])
 def test_many_random_scenes_are_what_the_witness_sees(count):
     check(count, NIGHTLY_SETS)
+
+
+def test_sets_of_effects_have_every_value_by_day_and_every_pair_at_night():
+    """But for the five-point rule, which is daily as a kind."""
+    daily = {pair for effects in effect_sets(DAILY_SETS) for pair in vars(effects).items()}
+    every = {(axis, value) for axis, values in AXES.items() for value in values}
+    assert every - daily <= {("sampling", "five_point")}
+    rng = np.random.default_rng(0)
+    drawn = [{axis: str(rng.choice(values)) for axis, values in AXES.items()} for _ in range(300)]
+    pairs = set().union(*(Effects(**values).consistent().pairs for values in drawn))
+    assert pairs <= set().union(*(effects.pairs for effects in effect_sets(NIGHTLY_SETS)))
 
 
 KEPT = [

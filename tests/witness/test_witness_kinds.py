@@ -18,7 +18,8 @@ from reference.witness.scenes import SIZE, Case
 from support.nightly import nightly_but
 
 DAILY = ("textures", "shadows of a sun", "transparency", "glossy mirrors", "blades",
-         "rolling left or right", "layers of a moment", "environment behind")  # fmt: skip
+         "rolling left or right", "layers of a moment", "environment behind",
+         "five-point rule")  # fmt: skip
 
 TOLD = 1e-5
 """Probability below which a film with an error counts as told apart."""
