@@ -162,6 +162,7 @@ class _Builder:
         self.rng = np.random.default_rng([recipe.seed, recipe.meshes])
         self.frame = float(self.rng.choice([0.0, 3.0, -2.0]))
         self.open, self.close = ((-0.25, 0.25), (0.0, 0.5), (-0.5, 0.5))[self.rng.integers(3)]
+        self.limits = {} if self.effects.lens == "pinhole" else self.lens_limits()
 
     def case(self) -> Case:
         e = self.effects
@@ -221,6 +222,8 @@ class _Builder:
         found = [self.mesh(number) for number in range(self.count)]
         if self.effects.mirror:
             found.append(self.mirror())
+        if self.limits:
+            found.append(self.ramp())
         found.append(self.wall())
         return found
 
@@ -329,6 +332,16 @@ class _Builder:
         ends = middle + self.between(-reach, reach, 2, len(middle))
         return Track(self.frame + np.array([-1.0, 1.0]), ends)
 
+    def ramp(self) -> Mesh:
+        """A large triangle away from the eye, which limits of the lens bend more than once."""
+        given: dict[str, Any] = {
+            "positions": np.array([[-1.8, -0.9, 2.5], [1.8, -0.8, 2.2], [0.1, 0.1, -1.9]]),
+            "faces": [[0, 1, 2]],
+        }
+        self.add_attributes(given)
+        self.slide(given, np.zeros(3))
+        return Mesh(material=self.material(), name="ramp", **given)
+
     def wall(self) -> Mesh:
         """Rests behind everything, and takes shadows."""
         given: dict[str, Any] = {
@@ -399,9 +412,8 @@ class _Builder:
         if e.lens == "pull":
             given["focus_distance"] = Track(self.frame + np.array([-1.0, 1.0]),
                                             self.between(3.0, 5.5, 2))  # fmt: skip
-        if e.lens != "pinhole":  # limits are numbers alone: kernels are the same without
-            given |= self.pick({}, self.sharp_range(), self.foreground(),
-                               self.sharp_range() | self.foreground())  # fmt: skip
+        if self.limits:
+            given |= self.limits | {"f_stop": float(self.between(0.1, 0.3))}
         if e.camera == "still":
             return Camera(position=(0.1, 0.2, 4.0), look_at=(0, 0, 0), fov=40.0, **given)
         if self.pick(True, False):
@@ -416,11 +428,11 @@ class _Builder:
         )
         return Camera(transform=place, focal_length=35.0, vertical_aperture=24.0, **given)
 
-    def sharp_range(self) -> dict[str, Any]:
-        return {"sharp_range": tuple(self.between([2.8, 4.2], [4.0, 5.5]))}
-
-    def foreground(self) -> dict[str, Any]:
-        return {"foreground_blur": float(self.between(0.005, 0.06))}
+    def lens_limits(self) -> dict[str, Any]:
+        """Numbers alone: kernels are the same without."""
+        sharp = {"sharp_range": tuple(self.between([2.8, 4.2], [4.0, 5.5]))}
+        before = {"foreground_blur": float(self.between(0.005, 0.06))}
+        return self.pick({}, sharp, before, sharp | before)
 
     def lights(self) -> list[Light]:
         e = self.effects
